@@ -13,15 +13,17 @@ from prose import docstring_sentences
 import ges
 
 ROOT = Path(ges.__file__).parent
-ROOMS = ("diagnose", "recordings", "simulator", "vehicle")
+ROOMS = ("blind", "diagnose", "recordings", "simulator", "study", "vehicle")
 ROOMS_WITH_SECTIONS = (
     ".",
+    "blind",
     "commands",
     "diagnose",
     "paper",
     "provenance",
     "recordings",
     "simulator",
+    "study",
     "ui",
     "vehicle",
 )

@@ -117,6 +117,7 @@ def coloured(
     shape : (channels, n).
     dt : time from one sample to the next (s).
     time_s : correlation time.
+    rng : stream of the white noise.
 
     Returns
     -------

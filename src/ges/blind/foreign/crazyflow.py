@@ -103,6 +103,7 @@ def make(out: Path, sets: Sequence[tuple[CrazyflowDesign, int, Place]], sources:
     ----------
     out : folder that gets ``cases/`` and ``sealed/``.
     sets : designs, each with its number in the world and its place.
+    sources : of which nothing is needed.
 
     Raises
     ------

@@ -66,6 +66,7 @@ def make(out: Path, sets: Sequence[tuple[HomeDesign, int, Place]], sources: Sour
     ----------
     out : folder that gets ``cases/`` and ``sealed/``.
     sets : cases, each with its number in the world and its place; all have one seed.
+    sources : of which nothing is needed.
 
     Raises
     ------

@@ -53,6 +53,7 @@ def turbulence(
     weather : its time scales and its level.
     n : number of samples.
     dt : time from one sample to the next (s).
+    rng : stream of all draws.
 
     Returns
     -------
@@ -76,7 +77,7 @@ def log_profile(height: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    height : above the ground (m), any shape.
+    height : (F,) above the ground (m).
 
     Notes
     -----

@@ -177,8 +177,10 @@ def _doubts(
 
     Parameters
     ----------
+    body, true : the true vehicle and its numbers.
     speed, speed_rate : (n, rotors) rotor speeds (rad/s) and their rates (rad/s^2).
     omega, turning : (n, 3) body rates (rad/s) and their rates (rad/s^2).
+    step_s : time from one sample to the next.
     """
     thrust = true["thrust"] * speed**2
     wrench = body.wrench(thrust)

@@ -22,7 +22,7 @@ def linear_duty(x: np.ndarray, droop: np.ndarray | float) -> np.ndarray:
 
     Parameters
     ----------
-    x : rotor speed over top speed.
+    x : (n_rotors, F) rotor speed over top speed.
     droop : share of the full voltage that falls over the winding at top speed.
 
     Returns
@@ -89,7 +89,7 @@ def open_circuit(charge: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    charge : state of charge, 0 to 1.
+    charge : (F,) state of charge, 0 to 1.
     """
     return 0.86 + 0.14 * charge - 0.12 * np.exp(-18.0 * np.maximum(charge, 0.0))
 

@@ -363,7 +363,7 @@ class Simulation:
 
         Parameters
         ----------
-        x, y : points (m) whose last axis is the flight.
+        x, y : points (m), (F,) or with further axes before the flight.
         flights : which flights these are; by default all.
 
         Returns

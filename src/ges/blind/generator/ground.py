@@ -22,7 +22,7 @@ def axis() -> np.ndarray:
 
     Returns
     -------
-    (:data:`NODES`,) m.
+    (NODES,) m.
     """
     return np.linspace(-HALF_SIZE_M, HALF_SIZE_M, NODES)
 
@@ -34,10 +34,11 @@ def draw_terrain(kind: str, radius: float, rng: np.random.Generator) -> np.ndarr
     ----------
     kind : 'flat', 'bumps' (smooth hills and dips) or 'step' (a ledge).
     radius : of the rotors (m); heights go with it.
+    rng : stream of all draws.
 
     Returns
     -------
-    z[y, x] (m) on the grid of :func:`axis`.
+    (NODES, NODES) z[y, x] (m) on the grid of :func:`axis`.
     """
     x = axis()
     z = np.zeros((NODES, NODES))
@@ -141,7 +142,7 @@ def saturate(fraction: np.ndarray, most: float = 0.75) -> np.ndarray:
 
     Parameters
     ----------
-    fraction : upwash over induced velocity, not negative.
+    fraction : (n_rotors, F) upwash over induced velocity, not negative.
     most : share of the inflow that the ground can stop.
     """
     return fraction / (1.0 + fraction / most)

@@ -20,12 +20,12 @@ def blade_pitch(thrust_coefficient: np.ndarray, s: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    thrust_coefficient : C_T; the inflow ratio is sqrt(C_T / 2).
-    s : solidity times lift slope.
+    thrust_coefficient : (F,) C_T; the inflow ratio is sqrt(C_T / 2).
+    s : (F,) solidity times lift slope.
 
     Returns
     -------
-    Pitch (rad) in the shape of ``s``.
+    (F,) rad.
     """
     lam = np.sqrt(thrust_coefficient / 2.0)
     return 6.0 * (thrust_coefficient / s + lam / 4.0)
@@ -38,9 +38,9 @@ def thrust_coefficient(
 
     Parameters
     ----------
-    theta : blade pitch (rad).
-    s : solidity times lift slope.
-    lam, mu : total inflow and edgewise speed over tip speed.
+    theta : (F,) blade pitch (rad).
+    s : (F,) solidity times lift slope.
+    lam, mu : (n_rotors, F) total inflow and edgewise speed over tip speed.
 
     References
     ----------
@@ -58,9 +58,9 @@ def inplane_coefficient(
 
     Parameters
     ----------
-    theta : blade pitch (rad).
-    s : solidity times lift slope.
-    lam, mu : total inflow and edgewise speed over tip speed.
+    theta : (F,) blade pitch (rad).
+    s : (F,) solidity times lift slope.
+    lam, mu : (n_rotors, F) total inflow and edgewise speed over tip speed.
 
     References
     ----------
@@ -121,17 +121,17 @@ def heave_damping_1_s(
 
     Parameters
     ----------
-    s : solidity times lift slope.
-    ct : thrust coefficient in hover.
-    radius : of the rotors (m).
-    tip_speed : in hover (m/s).
-    mass : of the vehicle (kg).
+    s : (F,) solidity times lift slope.
+    ct : (F,) thrust coefficient in hover.
+    radius : (F,) of the rotors (m).
+    tip_speed : (F,) in hover (m/s).
+    mass : (F,) of the vehicle (kg).
     rho : density of the air (kg/m^3).
     rotors : their number.
 
     Returns
     -------
-    Vertical deceleration over vertical speed (1/s).
+    (F,) vertical deceleration over vertical speed (1/s).
 
     References
     ----------

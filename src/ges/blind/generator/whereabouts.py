@@ -29,7 +29,7 @@ def seen_channels(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> di
     Parameters
     ----------
     case : the case.
-    flights : its true flights at the control rate.
+    flights : channels of its true flights at the control rate, (n, width).
 
     Returns
     -------

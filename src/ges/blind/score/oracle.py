@@ -132,7 +132,7 @@ class Witness:
         return np.concatenate(parts) / self.weight_N
 
     def true_loads(self) -> np.ndarray:
-        """Return the true extra loads, in the form of :meth:`loads`."""
+        """Return the true extra loads, (n, 6), in the units of :meth:`loads`."""
         parts = [
             np.hstack([f["extra_force"], f["extra_moment"] / self.arm_m]) for f in self.flights
         ]
@@ -161,7 +161,7 @@ class Witness:
         )
 
     def true_speeds(self) -> np.ndarray:
-        """Return the true rotor speeds, in the form of :meth:`speeds`."""
+        """Return the true rotor speeds over top speed, (n, n_rotors), at 125 Hz."""
         return (
             np.concatenate([f["fast_rotor_speed"] for f in self.flights])
             / self.numbers["max_rotor_speed_rad_s"]
@@ -284,7 +284,7 @@ def is_load(name: str) -> bool:
 
 
 def rms(values: np.ndarray) -> float:
-    """Return the root of the mean square over all elements."""
+    """Return the root of the mean square over all elements, as of (n, 6) loads."""
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -80,6 +80,7 @@ def turbulence(n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
     ----------
     n : number of samples.
     dt : time from one sample to the next (s).
+    rng : stream of all draws.
 
     Returns
     -------

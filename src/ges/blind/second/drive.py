@@ -16,7 +16,7 @@ def open_circuit(charge: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    charge : state of charge, 0 to 1.
+    charge : (F,) state of charge, 0 to 1.
 
     References
     ----------
@@ -63,8 +63,8 @@ def speed_of_voltage(volt: np.ndarray, sags: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    volt : voltage over the full one.
-    sags : 0 where speed does not depend on voltage, 1 for the whole dependence.
+    volt : (F,) voltage over the full one.
+    sags : (F,) 0 where speed does not depend on voltage, 1 for the whole dependence.
 
     Notes
     -----
@@ -78,8 +78,8 @@ def bent(u: np.ndarray, share: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    u : command, 0 to 1.
-    share : of the thrust that follows the firmware's cubic in voltage instead of the square.
+    u : (4, F) command, 0 to 1.
+    share : (F,) of the thrust that follows the firmware's cubic in voltage instead of the square.
     """
     cubic = u * (FIRMWARE[0] + u * (FIRMWARE[1] + u * FIRMWARE[2])) / FIRMWARE.sum()
     return np.sqrt(np.maximum((1.0 - share) * u * u + share * cubic, 0.0))
@@ -90,7 +90,7 @@ def capped(speed: np.ndarray, top: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    speed, top : over top speed.
+    speed, top : (4, F) speed, and (F,) ceiling, over top speed.
     """
     return speed / (1.0 + (speed / top) ** 12) ** (1.0 / 12.0)
 

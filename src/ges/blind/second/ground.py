@@ -39,7 +39,7 @@ def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    height_over_radius : of the disc above the ground, any shape.
+    height_over_radius : (4, F) of the disc above the ground.
 
     References
     ----------
@@ -56,13 +56,13 @@ def along_wake(
 
     Parameters
     ----------
-    height : of the disc above the ground (m).
-    edge, induced : edgewise and induced speed (m/s).
-    sweep : factor on the edgewise speed.
+    height : (4, F) of the disc above the ground (m).
+    edge, induced : (F,) edgewise and induced speed (m/s).
+    sweep : (F,) factor on the edgewise speed.
 
     Returns
     -------
-    Length of the way (m), and cosine of the skew.
+    Length of the way (m), (4, F), and cosine of the skew, (F,).
 
     References
     ----------

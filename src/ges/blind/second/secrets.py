@@ -28,6 +28,7 @@ def true_numbers(size: str, rng: np.random.Generator) -> dict[str, float]:
     Parameters
     ----------
     size : class of :data:`VEHICLES`.
+    rng : stream of all draws.
 
     Returns
     -------

@@ -157,7 +157,7 @@ def fly_batch(
 
 
 def read_flight(path: Path, columns: tuple[str, ...]) -> tuple[int, dict[str, np.ndarray]]:
-    """Return the seed that a file states, and columns by name.
+    """Return the seed that a file states, and columns (n,) by name.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ def free_parameters(x: Sequence[float] | np.ndarray) -> dict[str, float]:
 
     Parameters
     ----------
-    x : values in the order of :data:`FREE`.
+    x : (n,) values in the order of :data:`FREE`.
 
     Returns
     -------

@@ -298,7 +298,7 @@ def estimate_response(
 
 
 def closed_loop_poles(simulator: Simulator, at: Trim, mode: str, power: int) -> np.ndarray:
-    """Return the poles (1/s) of the closed height loop about a hover.
+    """Return the poles (n,) of the closed height loop about a hover (1/s).
 
     Parameters
     ----------

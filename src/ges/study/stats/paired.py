@@ -95,7 +95,7 @@ def holm(p: Sequence[float]) -> np.ndarray:
 
     Parameters
     ----------
-    p : NaN stays NaN and counts for nothing.
+    p : (n,) p-values; NaN stays NaN and counts for nothing.
 
     References
     ----------
