@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import io
 import keyword
 import os
 import pkgutil
@@ -14,6 +15,7 @@ import click
 
 from ges import __version__, commands
 from ges.errors import GesError
+from ges.files import require_text
 
 INTERRUPTED = 130
 """As shells have it: 128 and the number of the signal."""
@@ -59,7 +61,12 @@ def main() -> None:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # the same bytes whatever the number of cores, and in half the time
+    # a terminal of another alphabet has a question mark for what it cannot show
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
     try:
+        for word in sys.argv[1:]:
+            require_text(word)
         sys.exit(cli(standalone_mode=False))
     except GesError as error:
         click.echo(f"ges: {error}", err=True)
@@ -76,6 +83,9 @@ def main() -> None:
             raise
         file = f" {error.filename}" if error.filename else ""
         click.echo(f"ges: cannot read or write{file}: {os.strerror(error.errno)}", err=True)
+        sys.exit(1)
+    except MemoryError:
+        click.echo("ges: this takes more memory than there is; give less of it at a time", err=True)
         sys.exit(1)
     except ModuleNotFoundError as error:
         module = (error.name or "ges").partition(".")[0]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import json
 import os
+import shutil
+import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from ges.errors import GesError
+from ges.errors import GesError, UsageError
 
 
 @contextlib.contextmanager
@@ -31,13 +34,64 @@ def replacing(path: str | Path) -> Iterator[Path]:
         Where the folder or the file cannot be written.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f".{os.getpid()}.{path.name}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield new
         os.replace(new, path)
+    except OSError as error:
+        # a full disk names no file, and nobody knows the other name
+        if error.errno is None or error.filename not in (None, new, str(new)):
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
     finally:
-        new.unlink(missing_ok=True)
+        # where even the folder could not be made, there is nothing to remove
+        with contextlib.suppress(NotADirectoryError):
+            new.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def replacing_together(folder: Path, last: str) -> Iterator[Path]:
+    """Yield a folder to write files to; they come into ``folder`` together when the block ends
+    well, and none of them if not. Of two processes that write into one folder, one waits.
+
+    Parameters
+    ----------
+    last : the file without which the others count for nothing: it goes first and comes last.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    new, lock = folder / NEW, os.open(folder, os.O_RDONLY)
+    try:
+        # some file systems know no locks
+        with contextlib.suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        # what is there is of a process that was killed
+        shutil.rmtree(new, ignore_errors=True)
+        new.mkdir()
+        yield new
+        (folder / last).unlink(missing_ok=True)
+        for file in sorted(new.iterdir(), key=lambda file: file.name == last):
+            os.replace(file, folder / file.name)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+        os.close(lock)
+
+
+NEW = ".new"
+"""Folder of what :func:`replacing_together` has not brought to its place yet."""
+
+
+def require_file(path: Path) -> None:
+    """Say that a file cannot be written, before the work whose result would be lost.
+
+    Raises
+    ------
+    GesError
+        When it is a folder, or its folder cannot be written into.
+    """
+    if path.is_dir():
+        raise GesError(f"cannot write the file {path}: it is a folder; name a file in it")
+    require_folder(path.parent)
 
 
 def require_folder(path: Path) -> None:
@@ -62,6 +116,20 @@ def require_folder(path: Path) -> None:
         reason = "permission denied"
     if reason:
         raise GesError(f"cannot write into the folder {path}: {reason}; name another")
+
+
+def require_text(name: str) -> None:
+    """Refuse a name that no page, terminal or Parquet file can hold as it is.
+
+    Raises
+    ------
+    UsageError
+        When it has control characters, or bytes that are not UTF-8.
+    """
+    if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in name):
+        raise UsageError(
+            f"the name {name!r} holds control characters or is not UTF-8; rename the file or folder"
+        )
 
 
 def write_text(path: str | Path, text: str) -> None:

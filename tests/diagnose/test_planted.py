@@ -487,9 +487,9 @@ def over_ledges(sheet, vehicle, tmp_path):
     x = np.linspace(-4.0, 8.0, 481)
     steps = np.tile(np.where(x % 1.0 < 0.5, 0.0, 0.15), (2, 1))
     np.savez(tmp_path / "ledges.npz", x_m=x, y_m=[-9.0, 9.0], z_m=steps)
-    return vehicle.model_copy(
-        update={"terrain": GroundFile(kind="grid", file=str(tmp_path / "ledges.npz"))}
-    )
+    # in memory there is no folder of the vehicle file beside which it could lie
+    ledges = GroundFile.model_construct(kind="grid", file=str(tmp_path / "ledges.npz"))
+    return vehicle.model_copy(update={"terrain": ledges})
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ges.commands.config import INTRO, command
-from ges.errors import UsageError
+from ges.errors import GesError, UsageError
 from ges.simulator import flight as sim
 from ges.study import config
 
@@ -83,7 +83,7 @@ def test_file_that_is_no_configuration(tmp_path):
     (tmp_path / "a.yaml").write_text("- 1\n- 2\n")
     (tmp_path / "b.yaml").write_text("a: [1\n")
     for name in ("a.yaml", "b.yaml", "absent.yaml"):
-        with pytest.raises(UsageError, match=name):
+        with pytest.raises(GesError, match=name):
             config.load(tmp_path / name)
 
 

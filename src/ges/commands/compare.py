@@ -27,7 +27,10 @@ def command(first: Path, second: Path, html: Path | None) -> None:
     from ges.diagnose.report import compare
     from ges.diagnose.report.saved import load_diagnosis
     from ges.diagnose.report.terminal import console
+    from ges.files import require_file
 
+    if html:
+        require_file(html)
     names = [str(first), str(second)]
     comparison = compare.compare(load_diagnosis(first), load_diagnosis(second), names)
     console().print(compare.as_text(comparison))

@@ -15,7 +15,8 @@ import click
 
 from ges.commands.import_ import MEND, reading_options
 from ges.commands.settings import SET
-from ges.files import require_folder
+from ges.errors import GesError
+from ges.files import NEW, require_file, require_folder
 
 SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
 """Options that change nothing of the diagnosis."""
@@ -121,9 +122,11 @@ def command(
     from ges.diagnose.report.drawing import drawing
     from ges.diagnose.settings import parse, using
 
-    require_folder(out)
+    _require_own(out)
+    if write_flight:
+        require_file(write_flight)
     # drawing before the imports: its process reads matplotlib while this one reads the rest
-    pictures = drawing(out) if page else contextlib.nullcontext()
+    pictures = drawing() if page else contextlib.nullcontext()
     with using(parse(pairs)), pictures as figures, DiagnoseProgress() as progress:
         from ges.diagnose.run import Request, run
         from ges.recordings.readers import Options
@@ -185,6 +188,18 @@ class DiagnoseProgress:
             self._console.print(f"{self._words}: {now - self._since:.1f} s", style="dim")
         self._words, self._since = words, now
         self._status.update(words)
+
+
+def _require_own(out: Path) -> None:
+    """Say that a folder is no place for a diagnosis, before the work."""
+    require_folder(out)
+    # what has neither a diagnosis nor what is left of one has a vehicle file of somebody's own
+    ours = any((out / name).exists() for name in ("diagnosis.json", NEW))
+    if (out / "vehicle.yaml").exists() and not ours:
+        raise GesError(
+            f"{out} holds a vehicle.yaml that no diagnosis wrote, as recording sets do; name"
+            " another folder for --out"
+        )
 
 
 def command_line(context: click.Context) -> str:

@@ -146,11 +146,13 @@ def command(
     """
     import pandas as pd
 
+    from ges.files import require_file
     from ges.recordings.recording import write_flight
     from ges.simulator import flight as sim
     from ges.simulator import manoeuvres
     from ges.vehicle.file import load_vehicle
 
+    require_file(out)
     vehicle = load_vehicle(vehicle_path)
     values, said = _missing(vehicle)
     for sentence in said:

@@ -101,7 +101,7 @@ def run(
     ----------
     request : what to diagnose.
     out : folder for the files, made where it is missing.
-    drawing : figures drawn by other processes into ``out``; by default they are drawn in this one.
+    drawing : figures drawn by other processes; by default they are drawn in this one.
     watch : called with a few words when a step begins.
     page : whether report.html and its figures are written.
 

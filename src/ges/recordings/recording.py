@@ -30,7 +30,7 @@ from ges.conventions import (
     rotor_speed,
 )
 from ges.errors import GesError, unknown_name
-from ges.files import replacing
+from ges.files import replacing, replacing_together, require_text
 from ges.recordings import faults
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, load_vehicle, save_vehicle
@@ -359,7 +359,7 @@ def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> R
         raise GesError(
             f"{folder} has no vehicle.yaml; add the vehicle file to make it a recording set"
         )
-    paths = sorted(folder.glob("*.parquet"))
+    paths = _tables(folder)
     if len(paths) < least:
         held = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
         raise GesError(
@@ -406,7 +406,7 @@ def write_flight(path: Path, frame: pd.DataFrame) -> None:
 def write_set(
     folder: str | Path, vehicle: Vehicle, frames: Iterable[tuple[str, pd.DataFrame]]
 ) -> None:
-    """Write a recording set: vehicle.yaml and one Parquet file a flight.
+    """Write a recording set, all of it or nothing: vehicle.yaml and one Parquet file a flight.
 
     Parameters
     ----------
@@ -427,15 +427,24 @@ def write_set(
     True
     """
     folder, tables = Path(folder), dict(frames)
-    others = sorted(p.name for p in folder.glob("*.parquet") if p.stem not in tables)
+    others = [p.name for p in _tables(folder) if p.stem not in tables]
     if others:
         raise GesError(
             f"{folder} already holds other flights ({', '.join(others[:3])}); remove them or name"
             " another folder"
         )
-    save_vehicle(vehicle, folder / "vehicle.yaml")
-    for name, frame in tables.items():
-        write_flight(folder / f"{name}.parquet", frame)
+    with replacing_together(folder, last="vehicle.yaml") as new:
+        for name, frame in tables.items():
+            write_flight(new / f"{name}.parquet", frame)
+        save_vehicle(vehicle, new / "vehicle.yaml")
+
+
+def _tables(folder: Path) -> list[Path]:
+    """Parquet files of a folder, sorted; what a process that was killed left of one is hidden."""
+    paths = sorted(folder.glob("[!.]*.parquet"))
+    for path in paths:
+        require_text(path.name)
+    return paths
 
 
 def require_drive(recordings: RecordingSet) -> None:

@@ -14,10 +14,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ges.errors import UsageError
+from ges.plain_yaml import read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -622,15 +622,10 @@ def read(path: str | Path) -> dict[str, Any]:
 
     Raises
     ------
-    UsageError
+    GesError
         When the file cannot be read, is no YAML, or holds no keys.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text())
-    except (OSError, yaml.YAMLError) as error:
-        raise UsageError(
-            f"configuration {path}: cannot be read: {' '.join(str(error).split())}"
-        ) from None
+    content = read_yaml(Path(path), "configuration")
     if not isinstance(content, dict):
         raise UsageError(
             f"configuration {path}: holds {type(content).__name__}, not keys with values"

@@ -16,8 +16,9 @@ import yaml
 from pydantic_core import ErrorDetails
 
 from ges.conventions import FEWEST_ROTORS, GRAVITY_M_S2, MAX_ROTORS
-from ges.errors import GesError, UsageError, unknown_name
+from ges.errors import UsageError, unknown_name
 from ges.files import write_text
+from ges.plain_yaml import read_yaml
 from ges.simulator import laws
 from ges.simulator.terrain import Terrain
 from ges.vehicle import library
@@ -182,6 +183,12 @@ class GroundFile(_Strict):
     def _complete(self) -> GroundFile:
         if (self.kind == "grid") != (self.file is not None):
             raise ValueError("kind grid needs a file, kind flat takes none")
+        # it is copied to where a diagnosis is written, and must not leave that folder
+        if self.file is not None and Path(self.file).name != self.file:
+            raise ValueError(
+                f"the height map '{self.file}' must lie beside the vehicle file; give its name"
+                " alone"
+            )
         return self
 
 
@@ -448,6 +455,18 @@ def _check_effects(vehicle: Vehicle, path: str) -> None:
                 )
 
 
+def _check_numbers(vehicle: Vehicle, path: str) -> None:
+    from ges.simulator.flight import parameters
+
+    known = parameters()
+    for name, value in {**vehicle.parameters(), "terrain_z_m": vehicle.terrain.z_m}.items():
+        p = known[name]
+        if not p.low <= value <= p.high:
+            raise UsageError(
+                f"{path}: {name} is {value:g} {p.unit}; allowed is {p.low:g} to {p.high:g}"
+            )
+
+
 def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
     """Check the content of a vehicle file.
 
@@ -474,6 +493,7 @@ def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
         problems = sorted(error.errors(), key=lambda p: p["type"] != "extra_forbidden")
         raise UsageError(_sentence(path, problems[0])) from None
     _check_effects(vehicle, path)
+    _check_numbers(vehicle, path)
     return vehicle
 
 
@@ -535,14 +555,7 @@ def load_vehicle(source: str | Path) -> Vehicle:
 
         if kind := formats.kind_of(path):
             return formats.read_model(path, kind).vehicle
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise GesError(f"cannot read the vehicle file {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        reason = (str(error).splitlines() or ["it nests too deep"])[0]
-        raise UsageError(f"{path.name} is not YAML: {reason}") from None
-    return parse_vehicle(content, path.name)
+    return parse_vehicle(read_yaml(path, "vehicle file"), path.name)
 
 
 def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:

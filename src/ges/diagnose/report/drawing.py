@@ -7,27 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
-from pathlib import Path
 
 from ges.threads import Begin, apart, at_once
 
 Figure = tuple[str, str, Sequence]
 """Name, function of ``pictures`` and its arguments."""
+Drawn = Mapping[str, bytes]
+"""A picture by the ending of its file: ``png``, ``pdf``."""
 
 
 class Drawing:
-    """The figures of one folder, each drawn once.
+    """The figures of one diagnosis, each drawn once.
 
     Parameters
     ----------
-    out : the folder.
     begin : how work is started, here or in other processes.
     """
 
-    def __init__(self, out: Path, begin: Begin = at_once) -> None:
-        self._out, self._begin = out, begin
-        self._begun: dict[str, tuple[Callable[[], list[bytes]], int]] = {}
+    def __init__(self, begin: Begin = at_once) -> None:
+        self._begin = begin
+        self._begun: dict[str, tuple[Callable[[], list[Drawn]], int]] = {}
 
     def start(self, figures: Sequence[Figure]) -> None:
         """Begin to draw the figures that were not begun before.
@@ -38,12 +37,11 @@ class Drawing:
         """
         new = [f for f in figures if f[0] not in self._begun]
         if new:
-            self._out.mkdir(parents=True, exist_ok=True)
-            pictures = self._begin(partial(_draw, self._out), new)
+            pictures = self._begin(_draw, new)
             self._begun |= {name: (pictures, i) for i, (name, *_) in enumerate(new)}
 
-    def pictures(self, figures: Sequence[Figure]) -> Mapping[str, bytes]:
-        """Return figures as PNG by name, once all of them are written.
+    def pictures(self, figures: Sequence[Figure]) -> Mapping[str, Drawn]:
+        """Return figures by name, once all of them are drawn.
 
         Parameters
         ----------
@@ -55,19 +53,15 @@ class Drawing:
 
 
 @contextmanager
-def drawing(out: Path) -> Iterator[Drawing]:
+def drawing() -> Iterator[Drawing]:
     """Draw by processes that start up while the caller goes on.
-
-    Parameters
-    ----------
-    out : folder of the figures.
 
     Yields
     ------
     A :class:`Drawing`.
     """
     with apart(_ready) as begin:
-        yield Drawing(out, begin)
+        yield Drawing(begin)
 
 
 def _ready() -> None:
@@ -77,9 +71,11 @@ def _ready() -> None:
     pictures.png(pictures.Figure(figsize=(1.0, 1.0)))
 
 
-def _draw(out: Path, figure: Figure) -> bytes:
-    """Draw and write one figure; its PNG."""
+def _draw(figure: Figure) -> Drawn:
+    """Draw one figure."""
     from ges.diagnose.report import pictures
 
-    name, draw, arguments = figure
-    return pictures.save(getattr(pictures, draw)(*arguments), out, name)
+    _, draw, arguments = figure
+    drawn = getattr(pictures, draw)(*arguments)
+    # the PDF takes its layout from the PNG, so it comes second
+    return {"png": pictures.png(drawn), "pdf": pictures.pdf(drawn)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,11 @@ from ges.diagnose.report.residuals import write_residuals
 from ges.diagnose.settings import settings
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
-from ges.files import write_json
+from ges.files import replacing_together, write_json
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import save_vehicle
+
+DIAGNOSIS, REPORT = "diagnosis.json", "report.html"
 
 
 def write_diagnosis(
@@ -32,7 +34,7 @@ def write_diagnosis(
     drawing: Drawing | None = None,
     page: bool = True,
 ) -> None:
-    """Write the files of a diagnosis into a folder.
+    """Write the files of a diagnosis into a folder, all of them or none.
 
     They are diagnosis.json, vehicle.fitted.yaml and residuals.parquet; with ``page`` also
     report.html and its figures. Figures of an earlier diagnosis in the folder are removed.
@@ -42,7 +44,7 @@ def write_diagnosis(
     diagnosis : the result, as :func:`~ges.diagnose.pipeline.diagnose` returns it.
     out : folder for the files, made where it is missing.
     vehicle_folder : folder of the height map that the vehicle file names; it is copied.
-    drawing : figures of ``out`` that were begun before; by default all are drawn now.
+    drawing : figures that were begun before; by default all are drawn now.
     page : whether the page and its figures are written. If not, those of an earlier diagnosis are
         removed.
 
@@ -58,24 +60,27 @@ def write_diagnosis(
     >>> Path("all/diagnosis.json").exists()
     True
     """
-    out.mkdir(parents=True, exist_ok=True)
     content, traces = diagnosis.content(), traces_of(diagnosis)
-    drawing = drawing or Drawing(out)
+    drawing = drawing or Drawing()
     figures = list(_figures(diagnosis, content, traces)) if page else []
     # first: where other processes draw, they do so while the files below are written
     drawing.start(figures)
-    _remove_others(out, {name for name, *_ in figures})
-    # the fitted vehicle names its height map, and has to fly from this folder
-    ground = diagnosis.vehicle.terrain.file
-    if ground and Path(vehicle_folder).resolve() != out.resolve():
-        shutil.copyfile(Path(vehicle_folder) / ground, out / ground)
-    save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
-    write_residuals(traces, out / "residuals.parquet")
-    if page:
-        write_report(content, drawing.pictures(figures), traces, out / "report.html")
-    else:
-        (out / "report.html").unlink(missing_ok=True)
-    write_json(out / "diagnosis.json", content)
+    with replacing_together(out, last=DIAGNOSIS) as new:
+        # the fitted vehicle names its height map, and has to fly from this folder
+        ground = diagnosis.vehicle.terrain.file
+        if ground and Path(vehicle_folder).resolve() != out.resolve():
+            shutil.copyfile(Path(vehicle_folder) / ground, new / ground)
+        save_vehicle(diagnosis.vehicle, new / "vehicle.fitted.yaml")
+        write_residuals(traces, new / "residuals.parquet")
+        drawn = drawing.pictures(figures)
+        for name, picture in drawn.items():
+            for ending, data in picture.items():
+                (new / f"{name}.{ending}").write_bytes(data)
+        if page:
+            inside = {name: picture["png"] for name, picture in drawn.items()}
+            write_report(content, inside, traces, new / REPORT)
+        write_json(new / DIAGNOSIS, content)
+        _remove_others(out, new)
 
 
 def traces_of(diagnosis: Diagnosis) -> list[Trace]:
@@ -94,11 +99,12 @@ def traces_of(diagnosis: Diagnosis) -> list[Trace]:
     ]
 
 
-def _remove_others(out: Path, drawn: Collection[str]) -> None:
-    """Remove figures that an earlier diagnosis left in the folder."""
-    for name in set(CAPTIONS) - set(drawn):
-        for kind in ("png", "pdf"):
-            (out / f"{name}.{kind}").unlink(missing_ok=True)
+def _remove_others(out: Path, new: Path) -> None:
+    """Remove page and figures of an earlier diagnosis that the new one has not."""
+    figures = [f"{name}.{ending}" for name in CAPTIONS for ending in ("png", "pdf")]
+    for name in (REPORT, *figures):
+        if not (new / name).exists():
+            (out / name).unlink(missing_ok=True)
 
 
 def map_figure(cells: Sequence[Cell]) -> list[Figure]:

@@ -24,7 +24,8 @@ from ges.conventions import (
     VELOCITY,
     VELOCITY_REF,
 )
-from ges.errors import GesError, UsageError, unknown_name
+from ges.errors import UsageError, unknown_name
+from ges.plain_yaml import read_yaml
 from ges.recordings.readers import frames
 from ges.recordings.recording import unit_of
 
@@ -219,11 +220,7 @@ def load_map(given: str | Path, model: type[Map]) -> Map:
             raise unknown_name("map (a YAML file or a preset)", str(given), known)
         return known[str(given)]
     try:
-        return model.model_validate(yaml.safe_load(path.read_text("utf-8")))
-    except OSError as error:
-        raise GesError(f"cannot read the map {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path.name} is not YAML: {str(error).splitlines()[0]}") from None
+        return model.model_validate(read_yaml(path, "map"))
     except pydantic.ValidationError as error:
         raise UsageError(f"{path.name}: {_sentence(error.errors(), model)}") from None
 

@@ -1,0 +1,326 @@
+"""What a machine does to a program: full disks, kills, closed pipes, odd names. Each is done for
+real; it ends well or in one sentence, and no part of a result is taken for a whole one.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from command_line import EXAMPLE, GES, contents, environment, one_sentence, run
+
+from ges.errors import GesError, UsageError
+from ges.files import NEW, replacing_together, require_file, require_text
+from ges.recordings.recording import load_set
+
+SHORT = ("simulate", EXAMPLE / "vehicle.yaml", "--duration", "1")
+
+
+def limited(which: int, value: int):
+    """A function that a child calls before it becomes ``ges``."""
+    return lambda: resource.setrlimit(which, (value, value))
+
+
+def full_at(kilobytes: int) -> dict:
+    """Options of :func:`run` for a disk on which no file may get longer."""
+    return {"preexec_fn": limited(resource.RLIMIT_FSIZE, 1000 * kilobytes)}
+
+
+# A full disk.
+
+
+def test_a_full_disk_names_the_file_and_leaves_no_part_of_it(tmp_path):
+    out = tmp_path / "flight.parquet"
+    said = one_sentence(run(*SHORT, "--out", out, **full_at(4)))
+    assert said == f"ges: cannot read or write {out}: File too large"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_leaves_no_half_of_a_set(tmp_path, small):
+    """The vehicle and one flight would fit."""
+    logs = sorted(small.glob("*.parquet"))
+    words = ["import", *logs, "--vehicle", EXAMPLE / "vehicle.yaml", "--out", tmp_path / "set"]
+    smallest = min(log.stat().st_size for log in logs)
+    one_sentence(run(*words, **full_at(smallest // 1000 - 1)))
+    assert not contents(tmp_path / "set")
+    assert run(*words).returncode == 0
+    assert len(load_set(tmp_path / "set").flights) == len(logs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kilobytes", [4, 100, 1000])
+def test_a_full_disk_keeps_the_diagnosis_that_was_there(tmp_path, small, known, kilobytes):
+    """No figure fits, some do, or all but the page."""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name, data in known.items():
+        (out / name).write_bytes(data)
+    words = ["diagnose", small, "--out", out, "--set", "search.log_odds_offset=0.5"]
+    assert "File too large" in one_sentence(run(*words, **full_at(kilobytes)))
+    assert contents(out) == known
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may mount a file system")
+def test_a_small_file_system(tmp_path, small):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", disk])
+    if mounted.returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        said = one_sentence(run("diagnose", small, "--out", disk / "out"))
+        assert "No space left on device" in said and not contents(disk / "out")
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
+# Places that cannot be written to.
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        SHORT,
+        ("calibrate", "missing"),
+        ("compare", "missing", "missing", "--html"),
+        ("diagnose", "missing", "--out", "new", "--write-flight"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_file_that_cannot_be_written_is_said_before_the_work(tmp_path, words):
+    """Before what does not exist is read."""
+    (tmp_path / "taken").touch()
+    (tmp_path / "folder").mkdir()
+    option = () if words[-1].startswith("--") else ("--out",)
+    for place, why in (("folder", "it is a folder"), ("taken/file", "taken: it is a file")):
+        assert why in one_sentence(run(*words, *option, place, cwd=tmp_path))
+
+
+def test_a_folder_that_is_read_only_is_said(tmp_path, monkeypatch):
+    """Root may write anywhere: asked of the system as anybody else."""
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(GesError, match="permission denied; name another"):
+        require_file(tmp_path / "file")
+
+
+def test_a_diagnosis_does_not_go_into_a_recording_set(small):
+    before = contents(small)
+    said = one_sentence(run("diagnose", small, "--out", small))
+    assert "a vehicle.yaml that no diagnosis wrote" in said and contents(small) == before
+
+
+# Two writers, and writers that were killed.
+
+WRITER = """
+import sys, time
+from pathlib import Path
+from ges.files import replacing_together
+for word in sys.argv[2:]:
+    with replacing_together(Path(sys.argv[1]), last="z") as new:
+        for name in "zabcdefgh":
+            (new / name).write_text(word)
+"""
+
+
+def writer(folder: Path, *words: str) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-c", WRITER, folder, *words], env=environment())
+
+
+def test_a_kill_leaves_files_of_one_writer_or_none_that_counts(tmp_path):
+    """``z`` says that the others are whole."""
+    draw, seen = random.Random(1), set()
+    for _ in range(20):
+        child = writer(tmp_path, *("one", "two") * 1000)
+        while not contents_of(tmp_path) and child.poll() is None:
+            time.sleep(0.001)
+        time.sleep(0.05 * draw.random())
+        child.kill()
+        child.wait()
+        found = contents_of(tmp_path)
+        if "z" in found:
+            assert len(set(found.values())) == 1 and len(found) == 9
+        seen.add("z" in found)
+    with replacing_together(tmp_path, last="z") as new:
+        (new / "z").write_text("three")
+    assert True in seen and not (tmp_path / NEW).exists()
+
+
+def contents_of(folder: Path) -> dict[str, str]:
+    return {p.name: p.read_text() for p in folder.iterdir() if p.is_file()}
+
+
+def test_two_writers_do_not_mix(tmp_path):
+    children = [writer(tmp_path, *[word] * 100) for word in ("one", "two")]
+    assert [child.wait(timeout=60) for child in children] == [0, 0]
+    found = contents_of(tmp_path)
+    assert len(set(found.values())) == 1 and len(found) == 9
+
+
+def test_what_a_killed_import_left_is_no_flight(tmp_path, small):
+    shutil.copytree(small, tmp_path / "set")
+    (tmp_path / "set" / ".4711.runs_fast.parquet").write_bytes(b"PAR1")
+    assert len(load_set(tmp_path / "set").flights) == 2
+
+
+@pytest.mark.slow
+def test_a_diagnosis_that_is_killed_at_any_moment(tmp_path, small, known):
+    """What it draws with ends with it; done again, it is the same to the last byte."""
+    draw, out = random.Random(43), tmp_path / "out"
+    words = [GES, "diagnose", small, "--out", "out"]
+    for _ in range(8):
+        child = subprocess.Popen(
+            words, cwd=tmp_path, env=environment(OMP_NUM_THREADS="2"), stderr=subprocess.DEVNULL
+        )
+        time.sleep(draw.uniform(0.1, 8.0))
+        child.kill()
+        child.wait()
+        assert not (out / "diagnosis.json").exists() or contents(out) == known
+    assert run(*words[1:], cwd=tmp_path).returncode == 0
+    assert contents(out) == known
+
+
+@pytest.mark.slow
+def test_a_blind_run_that_is_killed_goes_on(tmp_path):
+    """Verdicts are the same to the last byte, and those that were there are not made again."""
+
+    def verdicts(folder: str) -> dict[str, bytes]:
+        found = (tmp_path / folder / "diagnosed").glob("*/diagnosis.json")
+        return {path.parent.name: path.read_bytes() for path in found}
+
+    made = run("blind", "make", "--seed", "3", "--grid", "smoke", "--out", "one", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    shutil.copytree(tmp_path / "one", tmp_path / "two")
+    assert run("blind", "run", "one", cwd=tmp_path, timeout=600).returncode == 0
+    draw = random.Random(43)
+    for _ in range(6):
+        child = subprocess.Popen(
+            [GES, "blind", "run", "two"],
+            cwd=tmp_path,
+            env=environment(),
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        time.sleep(draw.uniform(0.5, 6.0))
+        os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+        assert verdicts("two").items() <= verdicts("one").items()
+    assert run("blind", "run", "two", cwd=tmp_path, timeout=600).returncode == 0
+    assert verdicts("two") == verdicts("one") and verdicts("one")
+
+
+# A person who stops it, and a reader who has seen enough.
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cores", ["1", "2"])
+def test_an_interrupt_of_a_diagnosis(tmp_path, small, cores):
+    """At a terminal every process of the group is sent it."""
+    for seconds in (0.6, 1.2, 3.0):
+        child = subprocess.Popen(
+            [GES, "diagnose", small, "--out", tmp_path / "out"],
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            env=environment(OMP_NUM_THREADS=cores),
+        )
+        time.sleep(seconds)
+        os.killpg(child.pid, signal.SIGINT)
+        _, told = child.communicate(timeout=60)
+        assert child.returncode == 130 and b"Traceback" not in told
+        assert told.endswith(b"ges: interrupted; what was not finished is not there\n")
+        assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("words", [("effects",), ("effects", "--markdown"), ("settings",)])
+def test_a_reader_that_closes_the_pipe(words):
+    child = subprocess.Popen(
+        [GES, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment()
+    )
+    child.stdout.readline()
+    child.stdout.close()
+    assert child.stderr.read() == b"" and child.wait(timeout=60) in (0, 1)
+
+
+def test_a_full_disk_behind_standard_output():
+    with open("/dev/full", "w") as full:
+        told = run("effects", stdout=full, stderr=subprocess.PIPE, capture_output=False)
+    assert "No space left on device" in one_sentence(told)
+
+
+# Machines that are set up otherwise.
+
+
+@pytest.mark.slow
+def test_a_terminal_of_another_alphabet(tmp_path, known):
+    """Units and exponents have letters that ASCII lacks."""
+    (tmp_path / "diagnosis.json").write_bytes(known["diagnosis.json"])
+    ascii_alone = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    for words in (["explain", "."], ["explain", ".", "rotor_drag"], ["compare", ".", "."]):
+        told = run(*words, cwd=tmp_path, environ=ascii_alone)
+        assert told.returncode == 0 and "rotor drag" in told.stdout, told.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "environ",
+    [{"HOME": None}, {"HOME": "/nonexistent"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}],
+    ids=["no home", "missing home", "C"],
+)
+def test_a_diagnosis_without_a_home_or_a_language(tmp_path, small, known, environ):
+    told = run("diagnose", small, "--out", "out", cwd=tmp_path, environ=environ)
+    assert told.returncode == 0 and contents(tmp_path / "out") == known, told.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cores", ["1", "2"])
+def test_sixty_four_file_handles(tmp_path, small, known, cores):
+    few = limited(resource.RLIMIT_NOFILE, 64)
+    words = ["diagnose", small, "--out", "out"]
+    told = run(*words, cwd=tmp_path, preexec_fn=few, environ={"OMP_NUM_THREADS": cores})
+    assert told.returncode == 0 and contents(tmp_path / "out") == known, told.stderr
+
+
+# Names.
+
+
+@pytest.mark.parametrize("name", [b"new\nline", b"not utf8 \xff\xfe"])
+def test_a_name_that_no_page_can_hold_is_refused(tmp_path, small, name):
+    folder = tmp_path / "set"
+    shutil.copytree(small, folder)
+    log = os.fsencode(folder) + b"/" + name + b".parquet"
+    (folder / "runs_fast.parquet").rename(os.fsdecode(log))
+    for words in (["doctor", os.fsdecode(log)], ["diagnose", folder, "--out", tmp_path / "out"]):
+        said = one_sentence(run(*words, errors="surrogateescape"), 2)
+        assert "rename the file or folder" in said and said.isprintable()
+
+
+@pytest.mark.parametrize("name", ["with spaces", "Flügel 飛行", "<script>alert(1)</script>", "-rf"])
+def test_a_name_that_people_give_is_taken(name):
+    require_text(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["with spaces", "Flügel\u3000飛行", "<script>alert(1)<"])
+def test_a_diagnosis_of_flights_with_odd_names(tmp_path, small, name):
+    folder = tmp_path / name
+    folder.mkdir()
+    for i, log in enumerate(sorted(small.glob("*.parquet"))):
+        shutil.copyfile(log, folder / f"{name} {i}.parquet")
+    shutil.copyfile(small / "vehicle.yaml", folder / "vehicle.yaml")
+    told = run("diagnose", name, "--out", f"out {name}", cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    assert "<script>alert" not in (tmp_path / f"out {name}" / "report.html").read_text()
+
+
+@pytest.mark.parametrize("name", ["a\x00b", "a\nb", "a\udcff", "\x1b[2J", "\x9b31m"])
+def test_letters_that_are_none(name):
+    with pytest.raises(UsageError, match="rename"):
+        require_text(name)
