@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 
@@ -27,6 +28,12 @@ class GesError(Exception):
     """
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        # a name or value that was met may hold lines and commands to a terminal
+        return re.sub(
+            "[\x00-\x1f\x7f-\x9f\ud800-\udfff]", lambda met: repr(met[0])[1:-1], super().__str__()
+        )
 
 
 class UsageError(GesError):

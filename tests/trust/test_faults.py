@@ -229,6 +229,8 @@ def test_an_interrupt_of_a_diagnosis(tmp_path, small, cores):
             [GES, "diagnose", small, "--out", tmp_path / "out"],
             stderr=subprocess.PIPE,
             start_new_session=True,
+            # a shell has what it starts in the background ignore interrupts
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
             env=environment(OMP_NUM_THREADS=cores),
         )
         time.sleep(seconds)

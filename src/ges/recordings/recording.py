@@ -57,6 +57,9 @@ _UNITS = {
 _FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
 _LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
 
+MOST_NUMBERS = 2**27
+"""In one file: an hour at 1 kHz of 37 columns, a gigabyte."""
+
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
 _PLAUSIBLE = (
     ("p_", 1e5, "it looks like millimetres; convert to m"),
@@ -147,7 +150,8 @@ def _check_time(name: str, frame: pd.DataFrame) -> None:
         raise GesError(f"{name} has no column t_s; every flight needs its time in seconds")
     if len(frame) < 2:
         raise GesError(f"{name} holds {len(frame)} samples; a flight needs two or more")
-    t = frame["t_s"].to_numpy()
+    _require_numbers(name, frame, "t_s")
+    t = frame["t_s"].to_numpy(dtype=float)
     if not np.all(np.isfinite(t)):
         raise GesError(
             f"{name}: t_s is not a finite number in row {int(np.argmin(np.isfinite(t)))}"
@@ -159,6 +163,13 @@ def _check_time(name: str, frame: pd.DataFrame) -> None:
             f"{name}: t_s does not increase after row {row} ({t[row]:g} s, then {t[row + 1]:g} s);"
             " sort or drop repeats"
         )
+
+
+def _require_numbers(name: str, frame: pd.DataFrame, column: str) -> None:
+    if isinstance(frame[column], pd.DataFrame):
+        raise GesError(f"{name} has more than one column {column}; remove all but one")
+    if not pd.api.types.is_numeric_dtype(frame[column]):
+        raise GesError(f"{name}: column {column} holds {frame[column].dtype}, not numbers")
 
 
 def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
@@ -242,8 +253,7 @@ def checked_frame(name: str, frame: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     for column in frame.columns:
         if not unit_of(column):
             continue
-        if not pd.api.types.is_numeric_dtype(frame[column]):
-            raise GesError(f"{name}: column {column} holds {frame[column].dtype}, not numbers")
+        _require_numbers(name, frame, column)
         values = frame[column].to_numpy(dtype=float)
         if np.any(np.isinf(values)):
             raise GesError(
@@ -370,15 +380,32 @@ def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> R
     return make_set(load_vehicle(folder / "vehicle.yaml"), frames, folder, mends)
 
 
-def _read(path: Path) -> pd.DataFrame:
+def read_parquet(path: Path) -> pa.Table:
+    """A Parquet file.
+
+    Raises
+    ------
+    GesError
+        Where it is damaged, or would not fit into memory.
+    """
     try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        raise GesError(
-            f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}"
-        ) from None
+        about = pq.read_metadata(path)
+        # of one value many times over, a file of some kB has as many rows as it likes
+        if about.num_rows * about.num_columns > MOST_NUMBERS:
+            raise GesError(
+                f"{path.name} holds {about.num_rows} rows of {about.num_columns} columns; at most"
+                f" {MOST_NUMBERS} numbers are read, so cut it"
+            )
+        return pq.read_table(path)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise GesError(f"{path.name} is not a readable Parquet file: {error}") from None
+
+
+def _read(path: Path) -> pd.DataFrame:
+    table = read_parquet(path)
     for field in table.schema:
-        stated, known = (field.metadata or {}).get(b"unit", b"").decode(), unit_of(field.name)
+        unit, known = (field.metadata or {}).get(b"unit", b""), unit_of(field.name)
+        stated = unit.decode(errors="replace")
         if stated and known and stated != known:
             raise GesError(
                 f"{path.name}: the file calls {field.name} a number of {stated}; it must be {known}"

@@ -14,7 +14,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
-import pyarrow.parquet as pq
 
 from ges.errors import GesError, UsageError
 from ges.recordings.readers.log import Log, Options, Stream, increasing, named_streams
@@ -28,7 +27,7 @@ from ges.recordings.readers.maps import (
     load_map,
     presets,
 )
-from ges.recordings.recording import unit_of
+from ges.recordings.recording import read_parquet, unit_of
 
 _Content = tuple[dict[str, np.ndarray], Layout, list[str]]
 
@@ -323,12 +322,7 @@ class Table:
         return columns, layout, notes + ([chosen] if chosen else [])
 
     def _parquet(self, path: Path, options: Options) -> _Content:
-        try:
-            table = pq.read_table(path)
-        except (OSError, pa.ArrowException) as error:
-            raise GesError(
-                f"{path.name} is not a readable Parquet file: {str(error).splitlines()[0]}"
-            ) from None
+        table = read_parquet(path)
         mapping, chosen = map_for(table.column_names, options, path.name)
         layout, places, _ = _fitting(mapping, table.column_names, path.name)
         columns = {}
