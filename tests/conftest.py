@@ -1,6 +1,7 @@
 """Fixtures shared by all tests."""
 
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,19 @@ settings.register_profile("same", derandomize=True, database=None, deadline=None
 settings.load_profile("same")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def sanitized(tmp_path_factory) -> Path:
+    """A build of the simulator that ends at the first bad address or undefined operation."""
+    build = tmp_path_factory.mktemp("sanitized")
+    flags = "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
+    make = ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={build}", "OPT=-O1"]
+    compiled = subprocess.run([*make, f"SANITIZE={flags}"], capture_output=True, text=True)
+    if "cannot find -lasan" in compiled.stderr or "libasan" in compiled.stderr:
+        pytest.skip("the compiler has no sanitizer libraries")
+    assert compiled.returncode == 0, compiled.stderr
+    return build
 
 
 @pytest.fixture(scope="session")

@@ -125,6 +125,9 @@ static void read_term(ges_flight *f, char *text, const char *path, int line) {
   }
 }
 
+/* A whole number from 0 to `most`, or -1. */
+static int whole(double value, int most) { return value >= 0.0 && value <= most ? (int)value : -1; }
+
 static void read_inputs(ges_flight *f, const char *file, const char *path, int line) {
   FILE *in = fopen(file, "r");
   size_t n = 0, room = 1024;
@@ -136,9 +139,11 @@ static void read_inputs(ges_flight *f, const char *file, const char *path, int l
   }
   fclose(in);
   const ges_choice *controllers;
-  int control = (int)f->parameters[P_control], known = ges_controllers(&controllers);
-  if (control < 0 || control >= known) stop(path, line, "no such control; see sim/controllers.def");
-  int width = controllers[control].input_columns + controllers[control].rotor_columns * (int)f->parameters[P_rotors];
+  int known = ges_controllers(&controllers), control = whole(f->parameters[P_control], known - 1);
+  int rotors = whole(f->parameters[P_rotors], GES_MAX_ROTORS);
+  if (control < 0) stop(path, line, "no such control; see sim/controllers.def");
+  if (rotors < 1) stop(path, line, "rotors is out of bounds; see sim/params.def");
+  int width = controllers[control].input_columns + controllers[control].rotor_columns * rotors;
   if (n == 0 || n % (size_t)width) stop(path, line, "inputs file does not hold whole rows (14 references, or a column for every rotor and 8 of a replay; set control and rotors first)");
   f->inputs = values;
   f->n_inputs = (int)(n / (size_t)width);
@@ -198,7 +203,7 @@ static void read_script(script_t *s, const char *path) {
   int all = ges_columns(&table);
   if (s->n_columns > 0) return;
   for (int c = 0; c < all; c++)
-    if (table[c].rotor <= (int)s->flight[0].parameters[P_rotors]) s->columns[s->n_columns++] = c;
+    if (table[c].rotor <= s->flight[0].parameters[P_rotors]) s->columns[s->n_columns++] = c;
 }
 
 static void write_csv(const script_t *s) {

@@ -236,7 +236,7 @@ int ges_groups(const ges_group **table);
  * depend on it. */
 int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int lanes, char *error, int error_size);
 
-/* Rows a flight records. */
+/* Rows a flight records; none where a parameter is not allowed, which ges_fly says. */
 int ges_rows(const double *parameters);
 
 /* The model's forces, drive and readings along n recorded samples under each of n_sets sets of effects:

@@ -304,7 +304,10 @@ static void set_effects(plan_t *plan, const ges_effects *e) {
 
 static int n_steps(const double *p) { return (int)floor(p[P_duration_s] / p[P_dt_s] + 0.5); }
 
-int ges_rows(const double *p) { return n_steps(p) / (int)p[P_record_every] + 1; }
+int ges_rows(const double *p) {
+  char reason[400];
+  return check_parameters(p, reason, sizeof reason) ? n_steps(p) / (int)p[P_record_every] + 1 : 0;
+}
 
 /* What sets of effects share that are replayed together; all of a plan that a replay reads. */
 static plan_t replay_plan(const ges_effects *e) {

@@ -1,5 +1,6 @@
 """A recording set that is diagnosed in seconds, and its diagnosis."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ from command_line import EXAMPLE, contents, run
 from ges.recordings.recording import load_set, write_set
 
 SECONDS = 8.0
+# logs and a diagnosis that the tests of readers and of the report write
+sys.path += [str(Path(__file__).parents[1] / room) for room in ("recordings", "report")]
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ import copy
 import os
 from typing import Any
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 LONGER = int(os.environ.get("GES_FUZZ", "1"))
@@ -17,7 +17,13 @@ LONGER = int(os.environ.get("GES_FUZZ", "1"))
 
 def examples(count: int) -> settings:
     """About thirty seconds of a test are so many examples."""
-    return settings(max_examples=count * LONGER, derandomize=LONGER == 1)
+    return settings(
+        max_examples=count * LONGER,
+        derandomize=LONGER == 1,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
 
 
 NUMBERS = st.one_of(

@@ -8,20 +8,26 @@ import contextlib
 import json
 import resource
 import signal
-import sys
 import warnings
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import test_cut_short
+import test_ros
 import yaml
 from command_line import EXAMPLE
+from diagnosis_content import CONTENT
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.io import savemat
 from strategies import LEAVES, damaged_bytes, damaged_trees, examples
+from writers import motion
 
+import ges
 from ges.conventions import (
     BODY_RATE,
     POSITION,
@@ -42,7 +48,6 @@ from ges.study import config
 from ges.vehicle.file import load_vehicle, vehicle_content
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path += [str(ROOT / "tests" / name) for name in ("recordings", "report")]
 
 LONGEST_S, LARGEST_BYTES = 20, 2 << 30
 
@@ -281,21 +286,12 @@ def read_diagnosis(path: Path) -> None:
     compare.write_html(both, path.with_suffix(".html"))
 
 
-def diagnosis() -> dict:
-    from importlib.util import module_from_spec, spec_from_file_location
-
-    spec = spec_from_file_location("report_content", ROOT / "tests/report/conftest.py")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.CONTENT
-
-
 @pytest.mark.slow
 @examples(400)
 @given(
     st.one_of(
-        damaged_trees(diagnosis()).map(lambda t: json.dumps(t, default=str).encode()),
-        damaged_bytes(json.dumps(diagnosis()).encode()),
+        damaged_trees(CONTENT).map(lambda t: json.dumps(t, default=str).encode()),
+        damaged_bytes(json.dumps(CONTENT).encode()),
     )
 )
 def test_diagnoses_read_back(folder, data):
@@ -303,3 +299,163 @@ def test_diagnoses_read_back(folder, data):
     path.write_bytes(data)
     with within_limits():
         read_diagnosis(path)
+
+
+# Logs of autopilots.
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory) -> dict[str, bytes]:
+    """A short log of every format that is one file, by its name."""
+    folder, short = tmp_path_factory.mktemp("logs"), {k: v[:100] for k, v in motion().items()}
+    for name, write in test_cut_short.WRITTEN.items():
+        write(folder / name, short)
+    table = test_cut_short._table(short)
+    table.to_parquet(folder / "f.parquet")
+    savemat(folder / "f.mat", {name: values.to_numpy() for name, values in table.items()})
+    store = test_ros._store(False)
+    test_ros._bag(folder / "f.bag", test_ros._mavros(store, short, False), store, False)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+FORMATS = ["f.ulg", "log00", "f.bin", "f.bbl", "f.csv", "f.parquet", "f.mat", "f.bag"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_damaged_logs(folder, logs, name):
+    path = folder / name
+
+    @examples(20 if name == "f.mat" else 200)
+    @given(damaged_bytes(logs[name]))
+    def read(data):
+        path.write_bytes(data)
+        with within_limits():
+            log = open_log(path)
+            if not log.problem():
+                log.frame()
+
+    read()
+
+
+# Flights that may be read, but that nobody would fly.
+
+
+def flown() -> pd.DataFrame:
+    frame = load_set(EXAMPLE).flights[0].frame
+    return frame[frame["t_s"] < 6.0]
+
+
+@st.composite
+def odd_flights(draw: st.DrawFn, frame: pd.DataFrame) -> pd.DataFrame:
+    """A flight with streams missing, silent, still, torn or drawn by lot."""
+    found = frame.iloc[:: draw(st.sampled_from([1, 1, 2, 10]))]
+    first = draw(st.integers(0, len(found) // 2))
+    found = found.iloc[first : first + draw(st.integers(2, len(found)))].reset_index(drop=True)
+    names = [name for name in found if name != "t_s"]
+    for name in draw(st.lists(st.sampled_from(names), max_size=4, unique=True)):
+        stem = name.split("_")[0]
+        some = [n for n in found if n == name or (n.startswith(stem) and draw(st.booleans()))]
+        some = [n for n in some if n != "t_s"]
+        rows = slice(draw(st.integers(0, len(found))), None)
+        what = draw(st.sampled_from(["drop", "silent", "still", "zero", "noise", "scaled", "late"]))
+        if what == "drop":
+            found = found.drop(columns=some)
+        elif what == "silent":
+            found.loc[rows, some] = np.nan
+        elif what == "still":
+            found.loc[rows, some] = found.loc[0, some].to_numpy()
+        elif what == "zero":
+            found.loc[rows, some] = 0.0
+        elif what == "noise":
+            noise = np.random.default_rng(draw(st.integers(0, 9))).normal(size=(len(found), 1))
+            found[some] = noise * draw(st.sampled_from([1e-12, 1.0, 50.0])) * np.ones(len(some))
+        elif what == "scaled":
+            found[some] *= draw(st.sampled_from([1e-9, 0.5, -1.0, 3.0]))
+        else:
+            found[some] = found[some].shift(draw(st.integers(1, 60)))
+    return found
+
+
+@pytest.mark.slow
+@examples(12)
+@given(st.lists(odd_flights(flown()), min_size=2, max_size=3))
+def test_odd_flights_are_diagnosed(folder, frames):
+    with within_limits():
+        found = ges.diagnose(frames, load_set(EXAMPLE).vehicle)
+        json.dumps(found.content(), allow_nan=False)
+
+
+# Requests of a browser that is none of ours.
+
+PATHS = [
+    *("/", "/logs", "/example", "/compare", "/static/ui.js", "/static/{}", "/logs/{}", "/{}"),
+    *(f"/logs/{{}}/{what}" for what in ("files", "reading", "vehicle", "diagnose")),
+    *("/diagnoses/{}", "/diagnoses/{}/events", "/diagnoses/{}/stop", "/diagnoses/{}/report"),
+    *("/diagnoses/{}/results.zip", "/diagnoses/{}/results/{}"),
+]
+WORDS = st.one_of(
+    st.text(max_size=30),
+    st.sampled_from(["..", "%2e%2e", "<script>", "one.csv", "made", "x500", "'; rm -rf /"]),
+    st.sampled_from(["1e999", "-1", "9" * 5000, "nan"]),
+)
+FIELDS = st.dictionaries(
+    st.sampled_from(
+        ["log", "source", "vehicle", "mass", "prop", "layout", "holdout", "map", "pwm_low"]
+        + ["pwm_high", "rotor_order", "part", "with"]
+    ),
+    st.one_of(WORDS, st.lists(WORDS, max_size=3)),
+    max_size=6,
+)
+
+
+@pytest.mark.slow
+@examples(600)
+@given(
+    method=st.sampled_from(["GET", "POST", "POST", "HEAD", "PUT", "DELETE", "OPTIONS", "X"]),
+    place=st.sampled_from(PATHS),
+    known=st.booleans(),
+    word=WORDS,
+    form=FIELDS,
+    files=st.lists(st.tuples(WORDS, st.binary(max_size=200)), max_size=3),
+    headers=st.dictionaries(
+        st.sampled_from(["origin", "host", "content-type", "last-event-id", "range", "cookie"]),
+        st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=40),
+        max_size=2,
+    ),
+)
+def test_requests(server, method, place, known, word, form, files, headers):
+    """None ends in an error of the server, and none writes outside of its folder."""
+    from urllib.parse import quote
+
+    client, home, key = server
+    place = place.replace("{}", key if known else quote(word), 1).replace("{}", quote(word))
+    params = form if method == "GET" else None
+    data, sent = (form, [("files", file) for file in files]) if method == "POST" else (None, None)
+    # a browser sends what it can encode
+    answer = client.request(method, place, params=params, data=data, files=sent, headers=headers)
+    assert answer.status_code < 500, answer.text
+    assert "<script>" not in answer.text.replace('<script src="/static/ui.js"', "")
+    assert {p.name for p in home.parent.iterdir()} == {home.name}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    """A browser, the folder of the server, and the id of logs that are there."""
+    from starlette.testclient import TestClient
+
+    from ges.ui import app, jobs
+
+    async def ask(words, cwd):
+        return jobs.Ended(1, "", "ges: nothing is run here")
+
+    home = tmp_path_factory.mktemp("server") / "home"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(app, "ask", ask)
+        patched.setattr(jobs.Jobs, "begin", lambda *_: None)
+        made = app.make_app(home, 1)
+        with TestClient(
+            made, base_url="http://127.0.0.1:8765", raise_server_exceptions=False
+        ) as client:
+            dropped = client.post("/logs", files=[("files", ("one.csv", b"t_s\n1\n"))])
+            yield client, home, dropped.url.path.rsplit("/", 1)[1]

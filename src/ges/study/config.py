@@ -248,11 +248,13 @@ class Seeds(DataSeeds):
     @model_validator(mode="after")
     def _disjoint(self) -> Seeds:
         for a, b in itertools.combinations(type(self).model_fields, 2):
-            shared = set(getattr(self, a).list()) & set(getattr(self, b).list())
-            if shared:
+            one, other = getattr(self, a), getattr(self, b)
+            first = max(one.first, other.first)
+            shared = min(one.first + one.count, other.first + other.count) - first
+            if shared > 0:
                 raise ValueError(
-                    f"seed {min(shared)} is in both '{a}' and '{b}' ({len(shared)} shared); every"
-                    " seed belongs to one list"
+                    f"seed {first} is in both '{a}' and '{b}' ({shared} shared); every seed belongs"
+                    " to one list"
                 )
         return self
 

@@ -452,7 +452,7 @@ class Pages:
         key = self.workspace.diagnosis(request.path_params["id"]).id
         # a browser that lost the connection says which step it saw last
         last = request.headers.get("last-event-id") or request.query_params.get("last", "")
-        known = int(last) + 1 if last.isdecimal() else 0
+        known = int(last) + 1 if last.isdecimal() and len(last) < 10 else 0
         return StreamingResponse(self._events(key, known), media_type="text/event-stream")
 
     async def _events(self, key: str, known: int) -> AsyncIterator[str]:

@@ -204,7 +204,7 @@ def _number(form: FormData, name: str) -> float | None:
 
 
 def _whole(word: str) -> int:
-    # decimal digits are those of many scripts, the command line's are ASCII
-    if not word.isascii() or not word.isdecimal():
+    # decimal digits are those of many scripts, the command line's ASCII; int() takes no thousands
+    if not word.isascii() or not word.isdecimal() or len(word) > 9:
         raise UsageError(f"'{word[:80]}' is no whole number")
     return int(word)
