@@ -9,8 +9,8 @@ from command_line import EXAMPLE, contents, run
 from ges.recordings.recording import load_set, write_set
 
 SECONDS = 8.0
-# logs and a diagnosis that the tests of readers and of the report write
-sys.path += [str(Path(__file__).parents[1] / room) for room in ("recordings", "report")]
+# logs, a diagnosis and models that the tests of those rooms write
+sys.path += [str(Path(__file__).parents[1] / room) for room in ("recordings", "report", "vehicle")]
 
 
 @pytest.fixture(scope="session")

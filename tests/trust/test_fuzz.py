@@ -5,12 +5,14 @@ has. Longer, with other examples each time: GES_FUZZ=30 pytest tests/trust/test_
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import resource
 import signal
 import warnings
 from pathlib import Path
 
+import models
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -44,6 +46,7 @@ from ges.recordings.readers import Options, open_log
 from ges.recordings.readers.maps import load_map
 from ges.recordings.readers.ros import TopicMap
 from ges.recordings.recording import load_set, unit_of
+from ges.simulator.terrain import Terrain
 from ges.study import config
 from ges.vehicle.file import load_vehicle, vehicle_content
 
@@ -58,8 +61,8 @@ class TooLong(BaseException):
 
 @contextlib.contextmanager
 def within_limits():
-    """Twenty seconds and two gigabytes more than there are now; what is refused is refused in one
-    line.
+    """Twenty seconds of a processor, whatever else runs, and two gigabytes more than there are now;
+    what is refused is refused in one line.
     """
 
     def stop(*_):
@@ -69,8 +72,8 @@ def within_limits():
     before = resource.getrlimit(resource.RLIMIT_AS)
     most = pages * resource.getpagesize() + LARGEST_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
-    previous = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(LONGEST_S)
+    previous = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -78,8 +81,8 @@ def within_limits():
     except GesError as error:
         assert "\n" not in str(error).strip(), str(error)
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, previous)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, previous)
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
@@ -116,6 +119,43 @@ def test_vehicle_files(folder, data):
     path.write_bytes(data)
     with within_limits():
         read_vehicle(path)
+
+
+GROUND = io.BytesIO()
+np.savez_compressed(GROUND, x_m=np.arange(4.0), y_m=np.arange(3.0), z_m=np.zeros((3, 4)))
+
+
+@pytest.mark.slow
+@examples(1500)
+@given(damaged_bytes(GROUND.getvalue()))
+def test_height_maps(folder, data):
+    path = folder / "ground.npz"
+    path.write_bytes(data)
+    with within_limits():
+        Terrain.load(path)
+
+
+MODELS = {
+    "iris.sdf": models.iris(),
+    "cf2x.urdf": models.cf2x(),
+    "hummingbird.py": models.HUMMINGBIRD,
+    "sih": models.SIH,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+def test_models_of_other_simulators(folder, name):
+    path = folder / name
+
+    @examples(400)
+    @given(damaged_bytes(MODELS[name].encode()))
+    def read(data):
+        path.write_bytes(data)
+        with within_limits():
+            load_vehicle(path)
+
+    read()
 
 
 MAP = {

@@ -238,7 +238,10 @@ class Terrain:
         try:
             with np.load(path) as stored:
                 return cls.grid(stored["x_m"], stored["y_m"], stored["z_m"])
-        except (OSError, KeyError, ValueError) as error:
+        except UsageError:
+            raise
+        except Exception as error:
+            # numpy and zip meet a damaged file with errors of many kinds
             raise GesError(
                 f"{Path(path).name} is not a terrain file (x_m, y_m, z_m[y, x] in .npz): {error}"
             ) from error

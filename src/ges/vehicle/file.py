@@ -6,6 +6,7 @@ absolute or relative to the value. A fitted value far outside it is a finding.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeGuard
@@ -61,7 +62,9 @@ class Quantity(_Strict):
 
 
 def _is_number(x: object) -> TypeGuard[float]:
-    return isinstance(x, int | float) and not isinstance(x, bool)
+    # a whole number may be larger than any float
+    largest = sys.float_info.max
+    return isinstance(x, int | float) and not isinstance(x, bool) and -largest <= x <= largest
 
 
 def _with_sd(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -181,13 +184,13 @@ class GroundFile(_Strict):
 
     @pydantic.model_validator(mode="after")
     def _complete(self) -> GroundFile:
-        if (self.kind == "grid") != (self.file is not None):
+        if (self.kind == "grid") != bool(self.file):
             raise ValueError("kind grid needs a file, kind flat takes none")
         # it is copied to where a diagnosis is written, and must not leave that folder
-        if self.file is not None and Path(self.file).name != self.file:
+        if self.file and (Path(self.file).name != self.file or Path(self.file).suffix != ".npz"):
             raise ValueError(
                 f"the height map '{self.file}' must lie beside the vehicle file; give its name"
-                " alone"
+                " alone, as in ground.npz"
             )
         return self
 

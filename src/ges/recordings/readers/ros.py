@@ -77,6 +77,13 @@ class TopicMap(pydantic.BaseModel):
     topics: list[Topic] = pydantic.Field(min_length=1)
     definitions: Path | None = None
 
+    @pydantic.field_validator("definitions")
+    @classmethod
+    def _beside(cls, folder: Path | None) -> Path | None:
+        if folder is not None and (folder.is_absolute() or ".." in folder.parts):
+            raise ValueError(f"'{folder}' must lie beside the map file; give its name alone")
+        return folder
+
 
 def _matches(wanted: str, name: str) -> bool:
     """Tell whether a bag's topic is the wanted one, in any namespace and version (``_v1``)."""
