@@ -52,12 +52,19 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def replacing_together(folder: Path, last: str) -> Iterator[Path]:
-    """Yield a folder to write files to; they come into ``folder`` together when the block ends
-    well, and none of them if not. Of two processes that write into one folder, one waits.
+    """Write files into a folder, all of them or none.
+
+    They come to their place together when the block ends well. Of two processes that write into one
+    folder, one waits.
 
     Parameters
     ----------
+    folder : made where it is missing.
     last : the file without which the others count for nothing: it goes first and comes last.
+
+    Yields
+    ------
+    The folder to write the files to.
     """
     folder.mkdir(parents=True, exist_ok=True)
     new, lock = folder / NEW, os.open(folder, os.O_RDONLY)

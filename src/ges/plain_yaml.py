@@ -15,14 +15,15 @@ LARGEST_BYTES = 1_000_000
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe, with the floats of YAML 1.2, and without aliases of aliases, which let a file of a few
-    lines grow without end.
+    """Safe, with the floats of YAML 1.2, and without aliases of aliases.
+
+    By those a file of a few lines grows without end.
     """
 
     anchored = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """The node of the next event."""
+        """Return the node of the next event."""
         event = self.peek_event()
         alias = isinstance(event, yaml.AliasEvent)
         if alias and self.anchored:
@@ -44,10 +45,11 @@ _Loader.add_implicit_resolver(
 
 
 def read_yaml(path: Path, what: str) -> Any:
-    """Content of a YAML file.
+    """Return the content of a YAML file.
 
     Parameters
     ----------
+    path : the file.
     what : is asked for, for people, as ``vehicle file``.
 
     Raises

@@ -381,7 +381,7 @@ def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> R
 
 
 def read_parquet(path: Path) -> pa.Table:
-    """A Parquet file.
+    """Read a Parquet file.
 
     Raises
     ------

@@ -128,11 +128,13 @@ for word in sys.argv[2:]:
     with replacing_together(Path(sys.argv[1]), last="z") as new:
         for name in "zabcdefgh":
             (new / name).write_text(word)
+    print(word, flush=True)
 """
 
 
 def writer(folder: Path, *words: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-c", WRITER, folder, *words], env=environment())
+    words = [sys.executable, "-c", WRITER, folder, *words]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, env=environment())
 
 
 def test_a_kill_leaves_files_of_one_writer_or_none_that_counts(tmp_path):
@@ -140,11 +142,10 @@ def test_a_kill_leaves_files_of_one_writer_or_none_that_counts(tmp_path):
     draw, seen = random.Random(1), set()
     for _ in range(20):
         child = writer(tmp_path, *("one", "two") * 1000)
-        while not contents_of(tmp_path) and child.poll() is None:
-            time.sleep(0.001)
+        assert child.stdout.readline()
         time.sleep(0.05 * draw.random())
         child.kill()
-        child.wait()
+        child.communicate()
         found = contents_of(tmp_path)
         if "z" in found:
             assert len(set(found.values())) == 1 and len(found) == 9
@@ -160,7 +161,9 @@ def contents_of(folder: Path) -> dict[str, str]:
 
 def test_two_writers_do_not_mix(tmp_path):
     children = [writer(tmp_path, *[word] * 100) for word in ("one", "two")]
-    assert [child.wait(timeout=60) for child in children] == [0, 0]
+    for child in children:
+        child.communicate(timeout=60)
+    assert [child.returncode for child in children] == [0, 0]
     found = contents_of(tmp_path)
     assert len(set(found.values())) == 1 and len(found) == 9
 
