@@ -48,6 +48,7 @@ build: env check-cc
 
 docs: build
 	$(BIN)/python docs/frames.py
+	$(BIN)/python docs/licences.py > docs/licences.md.new && mv docs/licences.md.new docs/licences.md
 	$(BIN)/ges effects --markdown > docs/effects.md.new && mv docs/effects.md.new docs/effects.md
 	$(BIN)/ges config --markdown > docs/config.md.new && mv docs/config.md.new docs/config.md
 	$(BIN)/ges settings --markdown > docs/settings.md.new && mv docs/settings.md.new docs/settings.md

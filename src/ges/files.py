@@ -11,7 +11,7 @@ import shutil
 import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ges.errors import GesError, UsageError
 
@@ -84,6 +84,7 @@ def replacing_together(folder: Path, last: str) -> Iterator[Path]:
         os.close(lock)
 
 
+Kind = TypeVar("Kind", dict, list)
 NEW = ".new"
 """Folder of what :func:`replacing_together` has not brought to its place yet."""
 
@@ -165,6 +166,26 @@ def write_json(path: str | Path, content: Any) -> None:
         Where a number is not finite, which JSON cannot write.
     """
     write_text(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n")
+
+
+def read_kept(path: Path, kind: type[Kind]) -> Kind:
+    """Read JSON that this program kept for later, as :func:`write_json` wrote it.
+
+    Parameters
+    ----------
+    path : the file.
+    kind : ``dict`` or ``list``.
+
+    Returns
+    -------
+    Its content; an empty one where there is no such file, or a damaged one: what it held is worked
+    out again.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError, RecursionError):
+        return kind()
+    return content if isinstance(content, kind) else kind()
 
 
 def sha256(path: str | Path) -> str:

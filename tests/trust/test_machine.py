@@ -17,9 +17,13 @@ from pathlib import Path
 import pytest
 from command_line import EXAMPLE, GES, contents, environment, one_sentence, run
 
+from ges.blind.protocol.run import finished
+from ges.diagnose.report.saved import load_diagnosis
 from ges.errors import GesError, UsageError
-from ges.files import NEW, replacing_together, require_file, require_text
+from ges.files import NEW, read_kept, replacing_together, require_file, require_text
+from ges.provenance.runs import load_manifest
 from ges.recordings.recording import load_set
+from ges.ui.folder import Workspace
 
 SHORT = ("simulate", EXAMPLE / "vehicle.yaml", "--duration", "1")
 
@@ -172,6 +176,30 @@ def test_what_a_killed_import_left_is_no_flight(tmp_path, small):
     shutil.copytree(small, tmp_path / "set")
     (tmp_path / "set" / ".4711.runs_fast.parquet").write_bytes(b"PAR1")
     assert len(load_set(tmp_path / "set").flights) == 2
+
+
+DAMAGED = ["", "{", "[1]", "null", '"text"', "\udcff", "[" * 5000]
+
+
+@pytest.mark.parametrize("text", DAMAGED, ids=range(len(DAMAGED)))
+def test_what_was_kept_and_is_damaged_is_made_again(tmp_path, text):
+    kept = tmp_path / "run.json"
+    kept.write_text(text, errors="surrogateescape")
+    assert read_kept(kept, dict) == {} and not finished(tmp_path, "tool")
+    with pytest.raises(GesError, match="manifest"):
+        load_manifest(kept)
+    with pytest.raises(GesError, match="diagnose the flights again|it is not text"):
+        load_diagnosis(kept)
+
+
+def test_a_folder_of_the_page_with_a_damaged_part(tmp_path):
+    place = Workspace(tmp_path)
+    good, bad = place.new_logs(), place.new_logs()
+    (bad.path / "about.json").write_text("{")
+    (good.path / "doctor.json").write_text("[{")
+    assert [logs.id for logs in place.all_logs()] == [good.id] and good.answer() is None
+    with pytest.raises(KeyError):
+        place.logs(bad.id)
 
 
 @pytest.mark.slow

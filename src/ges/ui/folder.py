@@ -14,7 +14,6 @@ Random ids name the folders. Of a client's file name the last part is kept, clea
 from __future__ import annotations
 
 import datetime
-import json
 import re
 import secrets
 import shutil
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ges.errors import GesError
-from ges.files import replacing, write_json
+from ges.files import read_kept, replacing, write_json
 from ges.vehicle.file import YAML_ENDINGS
 
 AS_THEY_ARE: Mapping[str, Any] = {"map": "", "pwm": None, "rotor_order": [], "part": None}
@@ -72,8 +71,8 @@ class Kept:
 
     @property
     def about(self) -> dict[str, Any]:
-        """Content of its ``about.json``."""
-        return json.loads((self.path / "about.json").read_text(encoding="utf-8"))
+        """Content of its ``about.json``; none where that is damaged or gone."""
+        return read_kept(self.path / "about.json", dict)
 
     def note(self, **changed: Any) -> None:
         """Change entries of its ``about.json``.
@@ -144,8 +143,7 @@ class Logs(Kept):
         One mapping a file, see :func:`ges.examine.examine`; None if it was not asked since the last
         change.
         """
-        path = self.path / "doctor.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return read_kept(self.path / "doctor.json", list) or None
 
     def keep_answer(self, found: list[dict[str, Any]]) -> None:
         """Keep what ``ges doctor`` said.
@@ -276,7 +274,7 @@ class Workspace:
     def _path(self, kind: str, key: str) -> Path:
         path = self.folder / kind / key
         # an address holds an id as it was made, or nothing: it becomes a path
-        if not re.fullmatch("[0-9a-f]{16}", key) or not (path / "about.json").is_file():
+        if not re.fullmatch("[0-9a-f]{16}", key) or not Kept(path).about:
             raise KeyError(key)
         return path
 
@@ -289,5 +287,6 @@ class Workspace:
         return [Diagnosed(p) for p in self._newest("diagnoses")]
 
     def _newest(self, kind: str) -> list[Path]:
-        kept = [p.parent for p in (self.folder / kind).glob("*/about.json")]
-        return sorted(kept, key=lambda p: Kept(p).about["made"], reverse=True)
+        made = {p: Kept(p).about.get("made", "") for p in (self.folder / kind).iterdir()}
+        # what is damaged has no time
+        return sorted(filter(made.get, made), key=lambda p: made[p], reverse=True)

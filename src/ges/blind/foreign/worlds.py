@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import json
 import multiprocessing
 import os
 import shutil
@@ -35,7 +34,7 @@ from ges.blind.foreign import (
 from ges.blind.foreign.sets import Lost, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
-from ges.files import tree_hash, write_json
+from ges.files import read_kept, tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
 BEGUN, MADE = "begun.json", "made.json"
@@ -276,7 +275,7 @@ def _about(
 def _begin(out: Path, about: Mapping[str, Any]) -> None:
     """Keep the sets of an interrupted run of the very same makers and seed; clear away others."""
     note = out / "sealed" / BEGUN
-    if note.exists() and json.loads(note.read_text()) == about:
+    if read_kept(note, dict) == about:
         return
     for name in ("cases", "sealed"):
         shutil.rmtree(out / name, ignore_errors=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import operator
 import os
 import shutil
@@ -38,7 +37,7 @@ from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 from ges.blind.protocol import seal
 from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
-from ges.files import tree_hash, write_json
+from ges.files import read_kept, tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
 BATCH = 12
@@ -164,7 +163,7 @@ def _begin(out: Path, about: dict) -> None:
     All others are cleared away.
     """
     note = out / "sealed" / BEGUN
-    if note.exists() and json.loads(note.read_text()) == about:
+    if read_kept(note, dict) == about:
         return
     for name in ("cases", "sealed"):
         shutil.rmtree(out / name, ignore_errors=True)

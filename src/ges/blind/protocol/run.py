@@ -18,7 +18,7 @@ from typing import Any
 
 from ges.blind.protocol import jail, seal, worker
 from ges.errors import GesError, UsageError, unknown_name
-from ges.files import sha256, tree_hash, write_json
+from ges.files import read_kept, sha256, tree_hash, write_json
 from ges.provenance.sources import sources
 from ges.simulator._lib import library_path
 
@@ -187,11 +187,8 @@ def finished(verdict: Path, tool: str) -> bool:
     -------
     False as well for a diagnosis that failed: it is tried again.
     """
-    try:
-        about = json.loads((verdict / "run.json").read_text())
-    except FileNotFoundError:
-        return False
-    return about["ended"] == "well" and about["tool"] == tool
+    about = read_kept(verdict / "run.json", dict)
+    return (about.get("ended"), about.get("tool")) == ("well", tool)
 
 
 def _hidden(folder: Path) -> None:

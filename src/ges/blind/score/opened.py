@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from ges.blind.protocol import seal
 from ges.blind.score import oracle
 from ges.blind.score.heldout import told_the_truth
 from ges.blind.score.oracle import SHAPES, Oracle, Witness, is_load, rms
-from ges.files import sha256, tree_hash, write_json
+from ges.files import read_kept, sha256, tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 from ges.simulator import effects as effect_table
 from ges.simulator._lib import library_path
@@ -58,12 +57,9 @@ def known(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     seen : noise-free truth of the flights.
     """
     kept, made_of = folder / KEPT / f"{case}.json", _made_of(folder)
-    if kept.exists():
-        held = json.loads(kept.read_text())
-        if held.pop("made_of") == made_of:
-            return Opened(
-                _oracle(held["parameters"], held["reach"]), held["told"], held["over_limit"]
-            )
+    held = read_kept(kept, dict)
+    if held.get("made_of") == made_of:
+        return Opened(_oracle(held["parameters"], held["reach"]), held["told"], held["over_limit"])
     found = _work_out(folder, case, truth, seen)
     # JSON has no NaN
     reach = found.best.reach if np.isfinite(found.best.reach) else None
