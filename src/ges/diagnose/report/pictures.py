@@ -79,7 +79,7 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
 
 
 def pdf(figure: Figure) -> bytes:
-    """The figure, laid out by :func:`png`, as PDF, the same bytes every time."""
+    """Write the figure, laid out by :func:`png`, as PDF, the same bytes every time."""
     # half of the time to draw a figure is its layout
     figure.set_layout_engine("none")
     out = io.BytesIO()
