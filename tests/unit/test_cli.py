@@ -152,7 +152,14 @@ def test_a_mistake_of_the_program_stays_visible(monkeypatch):
 def test_an_interrupt_exits_as_shells_have_it(tmp_path):
     """In the middle of the work, and no part of a file stays."""
     words = [GES, "bench", "sim", "--duration", "1000"]
-    child = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tmp_path)
+    child = subprocess.Popen(
+        words,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=tmp_path,
+        # a shell in the background starts its children deaf to it, and so these tests
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     time.sleep(3.0)
     child.send_signal(signal.SIGINT)
     _, told = child.communicate(timeout=60)
