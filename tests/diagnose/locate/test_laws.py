@@ -141,8 +141,13 @@ def test_places_lie_where_the_flights_went(system):
     assert local in candidate_terms("force_z", system)
 
 
-def test_a_place_is_moved_by_half_a_width_and_halved_or_doubled():
-    moved = {
-        t.near_m for t in neighbouring_terms(Term.of("force_z", "m g", {}, near_m=(1.0, -2.0, 0.4)))
-    }
-    assert len(moved) == 27 and {(1.0, -2.0, 0.4), (0.8, -2.2, 0.2), (1.2, -2.0, 0.8)} <= moved
+def test_a_place_is_moved_by_half_a_width_and_halved_or_doubled_over_the_path(system):
+    """Not away from it: the slope of a bell that stands elsewhere tells nothing of its height."""
+    columns = system.flights[0].flight.columns
+    x, y = float(columns["p_x_m"][50]), float(columns["p_y_m"][50])
+    over = Term.of("force_z", "m g", {}, near_m=(x, y, 0.4))
+    moved = {t.near_m for t in neighbouring_terms(over, system)}
+    assert {w for *_, w in moved} == {0.2, 0.4, 0.8} and len(moved) <= 27
+    assert any(abs(a - x) > 0.1 or abs(b - y) > 0.1 for a, b, _ in moved)
+    away = Term.of("force_z", "m g", {}, near_m=(x + 50.0, y, 0.4))
+    assert not neighbouring_terms(away, system)

@@ -174,7 +174,7 @@ def _sparse_form_of(channel: str, explanation: Explanation) -> SparseForm:
     # a place on the grid is half a cell off; what was tried before is paid for still
     for _ in range(settings.numerics.noise_rounds):
         near = dict.fromkeys(
-            t for chosen in form.terms if chosen.local for t in neighbouring_terms(chosen)
+            t for chosen in form.terms if chosen.local for t in neighbouring_terms(chosen, system)
         )
         if not (new := [t for t in near if t not in terms]):
             break

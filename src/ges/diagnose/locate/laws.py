@@ -72,12 +72,7 @@ def candidate_places(system: System) -> list[tuple[float, float, float]]:
     (x, y, width) in m, world; grids whose step is their width, halved from the extent of the
     flights.
     """
-    x, y = (
-        np.concatenate([r.windows.mean @ r.flight.columns[c] for r in system.flights])
-        if all(c in r.flight.columns for r in system.flights)
-        else np.zeros(1)
-        for c in POSITION[:2]
-    )
+    x, y = _ground_track(system)
     across = max(float(np.ptp(x)), float(np.ptp(y)))
     found = []
     for halved in (2, 3, 4) if across > 0.0 else ():
@@ -90,12 +85,25 @@ def candidate_places(system: System) -> list[tuple[float, float, float]]:
     return found
 
 
-def neighbouring_terms(term: Term) -> list[Term]:
-    """Return variations of a local term.
+def _ground_track(system: System) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y (m,) of all windows; one at the origin where no position was logged."""
+    flights = [(r.windows.mean, r.flight.columns) for r in system.flights]
+    if not all(c in columns for _, columns in flights for c in POSITION[:2]):
+        return np.zeros(1), np.zeros(1)
+    x, y = (np.concatenate([mean @ columns[c] for mean, columns in flights]) for c in POSITION[:2])
+    return x, y
+
+
+def neighbouring_terms(term: Term, system: System) -> list[Term]:
+    """Return variations of a local term, over places where the flights went.
+
+    The slope of a bell that stands elsewhere would be all that is seen of it, and its height a
+    guess.
 
     Parameters
     ----------
     term : with a place.
+    system : of the flights.
 
     Returns
     -------
@@ -103,12 +111,14 @@ def neighbouring_terms(term: Term) -> list[Term]:
     """
     x, y, width = term.near_m
     steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.5, 1.0, 2.0))
+    places = [
+        (_round(x + i * width), _round(y + j * width), _round(k * width)) for i, j, k in steps
+    ]
+    along_x, along_y = _ground_track(system)
     return [
-        dataclasses.replace(
-            term,
-            near_m=(_round(x + i * width), _round(y + j * width), _round(k * width)),
-        )
-        for i, j, k in steps
+        dataclasses.replace(term, near_m=(a, b, w))
+        for a, b, w in places
+        if ((np.abs(along_x - a) <= 0.5 * w) & (np.abs(along_y - b) <= 0.5 * w)).any()
     ]
 
 
