@@ -58,7 +58,7 @@ def test_neither_names_nor_order_of_flights_matter(watched, flights, vehicle):
     (held,), (held_too,) = (d.fit["holdout_flights"] for d in (found, other))
     assert renamed[held_too] is flights[held]
     assert _anonymous(other.content(), held_too) == _anonymous(found.content(), held)
-    assert other.workings.accepted.found.inclusion == found.workings.accepted.found.inclusion, (
+    assert other.workings.accepted.result.inclusion == found.workings.accepted.result.inclusion, (
         "to the last digit"
     )
 

@@ -23,7 +23,7 @@ def test_of_names_of_which_one_is_needed_no_more_is_stated_than_one(inclusion, s
         inclusion=inclusion, best_with=lambda *_: SimpleNamespace(posterior=nothing)
     )
     told = open_findings(
-        SimpleNamespace(found=found, rivals=tuple(inclusion), alternatives={}, regression=None)
+        SimpleNamespace(result=found, rivals=tuple(inclusion), alternatives={}, regression=None)
     )
     assert [f.probability for f in told] == pytest.approx(
         [calibrated_probability(p) for p in shares]

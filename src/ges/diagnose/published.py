@@ -25,7 +25,7 @@ def diagnose_changed(reference: list[Path], flights: list[Path], report: Path) -
     Parameters
     ----------
     reference, flights : files of a recording set each.
-    report : report.html; all other files of a diagnosis are written beside it.
+    report : report.html; all other files of a diagnosis are written next to it.
     """
     vehicle = calibrate(load_set(reference[0].parent)).vehicle
     found = diagnose({f.name: f.frame for f in load_set(flights[0].parent).flights}, vehicle)
@@ -39,7 +39,7 @@ def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, rep
     ----------
     recordings : published CSV files.
     vehicle, mapping : vehicle file and column map.
-    report : report.html; all other files of a diagnosis are written beside it.
+    report : report.html; all other files of a diagnosis are written next to it.
 
     Raises
     ------

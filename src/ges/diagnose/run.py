@@ -34,7 +34,7 @@ STEPS: Mapping[str, str] = {
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What to diagnose, and what is known beside the files.
+    """What to diagnose, and what is known besides the files.
 
     Attributes
     ----------

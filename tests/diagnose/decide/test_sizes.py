@@ -207,7 +207,7 @@ def test_withdrawn_is_the_search_with_nothing_accepted_of_it():
     )
     told = without_names(accepted)
     assert (told.names, told.fitted, told.probability, told.rivals) == ((), None, {}, ())
-    assert told.found is found and told.regression == "regression"
+    assert told.result is found and told.regression == "regression"
     with_rival = dataclasses.replace(accepted, alternatives={"tether": 1, "cg_offset": 2})
     assert with_rival.modelled == ("wind", "tether")
 

@@ -173,7 +173,7 @@ def _detectable_size(
     """
     gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
     price, rarity = log_odds + shape.cost, log_odds_against_one_of(count)
-    # against nothing: there its number may move as a nuisance, at a price that the doubt sets
+    # against nothing: there its number may move as a nuisance, at a price that its prior sets
     shown = max(float(shape.over[truth]), settings.numerics.tiny)
     worst, hidden = _size_exceeding(price + rarity, shown), ""
     for other in (s for s in others if s.name != shape.name):

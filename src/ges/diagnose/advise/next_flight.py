@@ -37,16 +37,16 @@ def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> d
     s = settings.statistics
     doubtful = any(
         s.possible_probability < p < s.acceptance_probability
-        for p in accepted.found.inclusion.values()
+        for p in accepted.result.inclusion.values()
     )
     if not accepted.rivals and not doubtful:
         return {}
-    return separating_manoeuvre(accepted.regression, accepted.found, accepted.names)
+    return separating_manoeuvre(accepted.regression, accepted.result, accepted.names)
 
 
 def separating_manoeuvre(
     regression: Regression,
-    found: SearchResult,
+    result: SearchResult,
     proven: Sequence[str],
     parameters: Mapping[str, float] | None = None,
 ) -> dict:
@@ -58,7 +58,7 @@ def separating_manoeuvre(
     proven : names that are accepted.
     parameters : as for :func:`~ges.diagnose.advise.recommend.rank`.
     """
-    rivals = rivals_of(regression, open_sets(found, proven))
+    rivals = rivals_of(regression, open_sets(result, proven))
     ranked = rank(regression, rivals, parameters) if len(rivals) > 1 else []
     return ranked[0].content() if ranked else {}
 

@@ -110,7 +110,7 @@ def rivals_of(regression: Regression, open_sets: Sequence[Hypothesis]) -> list[R
     return [Rival(h.names, starting_values(regression, h), h.posterior.columns) for h in open_sets]
 
 
-def open_sets(found: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
+def open_sets(result: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
     """Return the best set with each name that is neither accepted nor ruled out.
 
     Parameters
@@ -123,15 +123,15 @@ def open_sets(found: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
     Hypotheses. The best set of accepted names alone is among them where it is possible.
     """
     names = [
-        n for n in sorted(found.inclusion, key=lambda n: -found.inclusion[n]) if n not in proven
+        n for n in sorted(result.inclusion, key=lambda n: -result.inclusion[n]) if n not in proven
     ]
-    names = [n for n in names if found.inclusion[n] > settings.statistics.possible_probability]
+    names = [n for n in names if result.inclusion[n] > settings.statistics.possible_probability]
     sets = [
-        max((h for h in found.hypotheses if n in h.names), key=lambda h: h.log_evidence)
+        max((h for h in result.hypotheses if n in h.names), key=lambda h: h.log_evidence)
         for n in names[: settings.search.beam]
     ]
     # nothing more than what is proven is an explanation like others, if it is possible
-    without = [h for h in found.hypotheses if set(h.names) <= set(proven)]
+    without = [h for h in result.hypotheses if set(h.names) <= set(proven)]
     if sum(h.probability for h in without) > settings.statistics.possible_probability:
         sets.append(max(without, key=lambda h: h.log_evidence))
     return list({h.names: h for h in sets}.values())
@@ -268,7 +268,8 @@ def rank(
             rivals,
         )
         flown = [f for f in simulated if f is not None]
-        # where one explanation cannot fly, the others' flights would have nothing to be told from
+        # where one explanation cannot fly, the others' flights would have nothing to be separated
+        # from
         if len(flown) < len(simulated):
             continue
         after = [

@@ -199,7 +199,7 @@ def _trim_balance(system: System, session: Sequence[int]) -> _Trims:
     ]
     keys = tuple(nuisance_of(system.columns[k]).key for k in kept)
     slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
-    # over the sd of a flight's mean, thrust and moments weigh alike whatever their units
+    # over the sd of a flight's mean, thrust and moments count alike whatever their units
     sd, grams = np.sqrt(variance_of_means(system, slow)), []
     for r in system.flights:
         y, x = r.in_air(slow).mean(axis=0) / sd, r.mean_columns(slow, kept) / sd[:, None]
@@ -245,7 +245,7 @@ def _marginalise(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
 
     Returns the normal equations of the common numbers, and the rest of the log likelihood.
     """
-    # what the integral leaves beside them is -log det(I + S A S) / 2, S = diag(spread)
+    # the factor that the integral leaves is -log det(I + S A S) / 2, S = diag(spread)
     inner = np.eye(len(spread)) + gram.xx * np.outer(spread, spread)
     common = marginalise_deviations(gram, np.arange(len(spread)), spread)
     return common, -0.5 * float(np.linalg.slogdet(inner)[1])
@@ -321,7 +321,7 @@ def _fit_trims(
         _posterior(balance.sessions, start, balance.prior_sd, flight_sd, session_sd),
         _gauge(balance.keys, model),
     )
-    # after the gauge: what losses and thrust scale cannot tell apart would count in both sds
+    # after the gauge: what losses and thrust scale cannot separate would count in both sds
     sd = np.sqrt(np.diag(gauge @ posterior.covariance @ gauge.T))
     later = np.sqrt(sd**2 + sum((level.later_sd * balance.spread) ** 2 for level in spreads))
     values = gauge @ (posterior.mean - start)
@@ -352,7 +352,7 @@ def _nominal_numbers(
     """
     if not attitude_measured(flights):
         return {}
-    # trims were told by the slow balance: here they are free within their doubt alone
+    # trims come from the slow balance: here they are free within their sd alone
     trim_sds = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(
         with_corrections(model, {k: n.value for k, n in before.items()}),
@@ -367,7 +367,7 @@ def _nominal_numbers(
         key, sd = nuisance.key, float(joint.common_sd[nuisance.key])
         if key not in TRIMS:
             last = before[key].value if key in before else 0.0
-            # prior's share w = (sd / prior sd)^2: its mean at -last moves the answer by -w last
+            # prior's share w = (sd / prior sd)^2: its mean at -last moves the estimate by -w last
             value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
             later = max(sd, _usual_sd(key, model))
             numbers[key] = Number(
@@ -489,7 +489,7 @@ def _fit_spreads(balance: _Trims, start: np.ndarray, usual: float) -> _Spreads:
     )
     if not several:
         return within, _Spread(np.nan, 0.0, settings.calibrate.spread_freedom)
-    # then sessions, beside what flights were found to differ by
+    # then sessions, given by how much flights differ
     between = most_likely(within.pooled, None)
     return within, _pooled(between, balances * (len(sessions) - 1), usual)
 
@@ -522,7 +522,7 @@ def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
         later_sd = max(n.later_sd for _, n in corrections)
         if axis:
             own = getattr(current, axis) * (1.0 + corrections[0][1].value)
-            # one relative doubt serves all axes, so the largest of theirs
+            # one relative sd serves all axes, so the largest of theirs
             sd_so_far = current.sd_rel if name in update else 0.0
             update[name] = current.model_copy(
                 update={axis: own, "sd_rel": max(sd_so_far, later_sd)}
@@ -532,7 +532,7 @@ def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
         else:
             shift = float(np.mean([n.value for _, n in corrections]))
             update[name] = Quantity(value=current.value + shift, sd=later_sd)
-        # numbers that act as one have one doubt: it is in the last, and the others are held
+        # numbers that act as one have one sd: it is in the last, and the others are exact
         update |= {
             other: Quantity(value=getattr(vehicle, other).value)
             for other in corrections[0][0].corrects[:-1]

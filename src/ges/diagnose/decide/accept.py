@@ -64,7 +64,7 @@ class Accepted:
     """
 
     names: tuple[str, ...]
-    found: SearchResult
+    result: SearchResult
     regression: Regression
     fitted: Fitted | None
     probability: dict[str, float]
@@ -113,20 +113,20 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
         regression = start if first is None else _regression_of(listed, base, system)
-        regression, found = _search_with_refined_load(regression, listed, base, only)
-        first = first or (regression, found)
+        regression, result = _search_with_refined_load(regression, listed, base, only)
+        first = first or (regression, result)
         context = RuleContext(
-            regression, found, found.best.names, tuple(entries(regression, listed))
+            regression, result, result.best.names, tuple(entries(regression, listed))
         )
-        passing = apply_rules(SEARCH_RULES, context, sorted(found.inclusion), record)
-        passing = tuple(n for n in found.best.names if n in passing)
+        passing = apply_rules(SEARCH_RULES, context, sorted(result.inclusion), record)
+        passing = tuple(n for n in result.best.names if n in passing)
         if not selection.names:
             contested = _contested(context, record)
             alike = {n: context.alike(n) for n in passing}
-        modifiers = _probable_modifiers(regression, found, listed, passing, only)
+        modifiers = _probable_modifiers(regression, result, listed, passing, only)
         new, polished = _fit_significant(
             regression,
-            found,
+            result,
             (*passing, *modifiers),
             modifiers,
             base,
@@ -138,7 +138,7 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
         if polished is None or not new:
             break
         probability = {
-            n: modifiers[n].probability if n in modifiers else found.inclusion[n] for n in new
+            n: modifiers[n].probability if n in modifiers else result.inclusion[n] for n in new
         }
         selection = selection.extended(new, polished, probability)
         if only is None:
@@ -147,20 +147,24 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
         # the next round is linearised about what is accepted, and lists what acts through it
         base = system.model.with_effects(polished.effects)
         listed = candidates_of(system.recordings, base, selection.names, only)
-    regression, found = first or search_until_stable(start, (), ())[:2]
+    regression, result = first or search_until_stable(start, (), ())[:2]
     # a name that is probable, but failed another rule, is not open
     settled = {
         *selection.names,
-        *(n for n, p in found.inclusion.items() if p >= settings.statistics.acceptance_probability),
+        *(
+            n
+            for n, p in result.inclusion.items()
+            if p >= settings.statistics.acceptance_probability
+        ),
     }
-    # what was open at first, and then was accepted beside the others, is open no more
+    # what was open at first, and then was accepted with the others, is open no more
     contested -= set(selection.names)
-    rivals = open_names(found, settled - contested, contested)
+    rivals = open_names(result, settled - contested, contested)
     if rivals and not _still_needed(rivals, base, system):
         rivals = ()
     return Accepted(
         selection.names,
-        found,
+        result,
         regression,
         selection.fitted,
         selection.probability,
@@ -199,16 +203,16 @@ def _with_best_forms_in_wind(selection: _Selection, system: System, record: Reco
 
 def _contested(context: RuleContext, record: Record) -> set[str]:
     """Names that could not be separated from others, and those others."""
-    found = context.found
+    result = context.result
     undone = [
         name
-        for name in found.best.names
+        for name in result.best.names
         for d in record.of(name)
         if d.rule == "distinguishable" and not d.passed
     ]
     others = {n: [a.name for a in context.alike(n)] for n in undone}
     return {
-        n for name in undone for n in (name, *rivals_nearly_as_good(found, name), *others[name])
+        n for name in undone for n in (name, *rivals_nearly_as_good(result, name), *others[name])
     }
 
 
@@ -226,15 +230,15 @@ def _search_with_refined_load(
 
     A thread or first place that is wrong by centimetres needs other names for its residual.
     """
-    regression, found, _ = search_until_stable(regression, listed, tuple(base.effects), only)
-    variant = probable_load(regression, found)
+    regression, result, _ = search_until_stable(regression, listed, tuple(base.effects), only)
+    variant = probable_load(regression, result)
     if variant is None:
-        return regression, found
+        return regression, result
     system = regression.system
     refined = refine_load(system, variant)
     # two variants of one key are one entry, which would hold the load's mass twice
     if refined.key in {v.key for c in listed for v in c.variants}:
-        return regression, found
+        return regression, result
     listed = [
         dataclasses.replace(c, variants=(*c.variants, refined)) if c.name == variant.effect else c
         for c in listed
@@ -246,10 +250,10 @@ def _search_with_refined_load(
 def _still_needed(rivals: Sequence[str], base: Model, system: System) -> bool:
     """Whether one of these is needed still, given the full fit of what was accepted."""
     listed = candidates_of(system.recordings, base, (), rivals)
-    found = search_until_stable(_regression_of(listed, base, system), listed, tuple(base.effects))[
+    result = search_until_stable(_regression_of(listed, base, system), listed, tuple(base.effects))[
         1
     ]
-    return found.null().probability <= settings.statistics.possible_probability
+    return result.null().probability <= settings.statistics.possible_probability
 
 
 @dataclasses.dataclass(frozen=True)
@@ -268,7 +272,7 @@ class _Modifier:
 
 def _probable_modifiers(
     regression: Regression,
-    found: SearchResult,
+    result: SearchResult,
     listed: Sequence[Candidate],
     names: Collection[str],
     only: Sequence[str] | None,
@@ -277,7 +281,7 @@ def _probable_modifiers(
 
     All that are asked for, with ``only``.
     """
-    chosen = found.best.posterior.columns if names else ()
+    chosen = result.best.posterior.columns if names else ()
     variants = [variant_of(regression.system.columns[k]) for k in chosen]
     modifiers = {
         m: values for v in variants if v.effect in names for m, values in modifiers_of(v).items()
@@ -288,7 +292,7 @@ def _probable_modifiers(
         return {}
     # as a search of all that modifies these effects, and of nothing else, has them
     count = sum(e.modifies in names for e in effect_table.table().values())
-    odds = log_evidence_over_plain(regression, listed, found.best) - log_odds_against_one_of(count)
+    odds = log_evidence_over_plain(regression, listed, result.best) - log_odds_against_one_of(count)
     if odds <= settings.statistics.acceptance_log_odds:
         return {}
     return {m: _Modifier(values, float(expit(odds))) for m, values in modifiers.items()}
@@ -320,7 +324,7 @@ def _fit_hypothesis(
 
 def _fit_significant(
     regression: Regression,
-    found: SearchResult,
+    result: SearchResult,
     new: tuple[str, ...],
     modifiers: Mapping[str, _Modifier],
     base: Model,
@@ -335,7 +339,7 @@ def _fit_significant(
     """
     while new:
         values_of_modifiers = {m: modifiers[m].values for m in new if m in modifiers}
-        kept = _hypothesis_of(found, [n for n in new if n not in values_of_modifiers], regression)
+        kept = _hypothesis_of(result, [n for n in new if n not in values_of_modifiers], regression)
         full = _fit_hypothesis(regression, kept, fitted, system, values_of_modifiers)
         decisions = {n: significant(full, n) for n in new} if names_searched else {}
         for name, decision in decisions.items():
@@ -422,7 +426,7 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
     fitted, system = accepted.fitted, accepted.regression.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
         return accepted
-    # along its own path a push of turbulence no longer moves the velocity that drag is held against
+    # along its own path a push of turbulence no longer moves the velocity that drag depends on
     model = fitted_model(system.model, fitted)
     flights = [with_rollout_path(flight, model) for flight in system.recordings]
     polished = polish(system, fitted.effects, fitted.free, flights)
@@ -462,9 +466,9 @@ def fit_alternatives(accepted: Accepted, record: Record) -> Accepted:
 def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
     """Return the fit with one open name and its prerequisite added; None where it cannot act."""
     system, fitted = accepted.regression.system, accepted.fitted
-    best = accepted.found.best_with(name, accepted.rivals)
+    best = accepted.result.best_with(name, accepted.rivals)
     present = set(fitted.effects) if fitted else set()
-    # a modifier or a wind alone does nothing: the carrier of its own best set comes with it
+    # a modifier or a wind alone does nothing: the prerequisite of its own best set comes with it
     own = ({name} | set(effect_table.get(name).prerequisites) & set(best.names)) - present
     if not has_prerequisite(name, {*own, *present, *system.model.effects}):
         return None
@@ -505,13 +509,15 @@ def without_names(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
 
 
-def _hypothesis_of(found: SearchResult, names: Sequence[str], regression: Regression) -> Hypothesis:
+def _hypothesis_of(
+    result: SearchResult, names: Sequence[str], regression: Regression
+) -> Hypothesis:
     """Return the set of just these names from the search, else the best set without all others."""
     just = tuple(sorted(names))
-    # a set that was weighed by itself has coefficients without what the others took of it
-    exact = next((h for h in found.hypotheses if h.names == just), None)
+    # a set that was evaluated by itself has coefficients without what the others took of it
+    exact = next((h for h in result.hypotheses if h.names == just), None)
     return exact or dataclasses.replace(
-        found.best, posterior=_restricted_posterior(found.best, names, regression)
+        result.best, posterior=_restricted_posterior(result.best, names, regression)
     )
 
 

@@ -96,7 +96,7 @@ def contradicted_parameters(
     contradicted = [
         Contradicted(key, value, joint.common_sd[key], sd, _relative_correction(key, value, model))
         for key, value in joint.common.items()
-        # with what the recording adds to the file's own doubt, as how long a command was held
+        # with what the recording adds to the file's own sd, as how long a command was held
         if key in model.prior_sds
         and (sd := nuisance_of(system.columns[system.nuisances[key]]).sd)
         and key.split(".")[0] not in but

@@ -76,7 +76,7 @@ def add_laws(
     Names and nominal parameters are pinned: a law that is free together with them would take their
     place (Liu, Bayarri and Berger 2009, *Bayesian Analysis* 4, 119, on modularization).
     """
-    # a declared number that was named would be a nuisance again beside a law, and move twice
+    # a nominal parameter that was named would be a nuisance again with a law, and move twice
     before = explanation.accepted.fitted
     corrected = {n.key for c in start.system.columns if (n := c.nuisance)}
     if before and any(f"{e}.{p}" in corrected for e, p in before.free):
@@ -203,7 +203,7 @@ def _fit_terms(
     law = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
     variants = [Variant(LAW, {}, (amplitude_of(LAW, t.key),)) for t in terms]
     flights, with_law = system.recordings, model.with_effects({**names, LAW: law})
-    # what numbers are held at leaves them no part in an answer of the controller, and a law is made
+    # pinned numbers take no part in a response of the controller, and a law is made
     # of speeds, heights and places: no column here is endogenous
     design = build(flights, with_law, variants, start.system)
     exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in design.flights)
@@ -213,10 +213,10 @@ def _fit_terms(
     prior_sd = regression.prior.sd[chosen]
     joint_of_law = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, priors)
     law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, joint_of_law.chosen, strict=True)}
-    # trims follow, as they do beside names
+    # trims follow, as they do with names
     refitted = make_regression(build(flights, with_law.with_effects({LAW: law}), (), start.system))
     trims = joint_fit(refitted, (), nuisance_priors=priors)
-    # a pin is no knowledge: what was pinned keeps the doubt of the names' own fit
+    # a pin is no knowledge: what was pinned keeps the sd of the names' own fit
     sds = {**trims.common_sd, **{key: joint.common_sd[key] for key in priors}}
     trims = dataclasses.replace(trims, common_sd=sds)
     fitted = Fitted(

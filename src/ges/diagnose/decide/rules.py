@@ -40,22 +40,22 @@ class RuleContext:
     """
 
     regression: Regression
-    found: SearchResult
+    result: SearchResult
     passing: tuple[str, ...]
     listed: tuple[Entry, ...] = ()
 
     @functools.cached_property
     def probable(self) -> tuple[str, ...]:
         """Names of the best set that are probable, whatever else speaks against them."""
-        best, least = self.found.best.names, settings.statistics.acceptance_probability
-        return tuple(n for n in best if self.found.inclusion[n] >= least)
+        best, least = self.result.best.names, settings.statistics.acceptance_probability
+        return tuple(n for n in best if self.result.inclusion[n] >= least)
 
     @functools.cached_property
     def shares(self) -> Mapping[str, Mapping[str, float]]:
         """Size of each passing name in its place, by block, over its threshold."""
-        places = {n: replaced_names(self.found, n, self.probable) for n in self.passing}
+        places = {n: replaced_names(self.result, n, self.probable) for n in self.passing}
         return {
-            n: relative_sizes(self.regression, self.found.best, p) for n, p in places.items() if p
+            n: relative_sizes(self.regression, self.result.best, p) for n, p in places.items() if p
         }
 
     def size(self, name: str) -> float:
@@ -75,11 +75,11 @@ class RuleContext:
         name : of the best set.
         """
         # in its place alone: what needs a prerequisite that is not there is no single cause
-        present = {*self.found.best.names, *self.regression.system.model.effects} - {name}
+        present = {*self.result.best.names, *self.regression.system.model.effects} - {name}
         rivals = [e for e in self.listed if has_prerequisite(e.name, present)]
         return tuple(
             a
-            for a in alike_of(self.regression, self.found.best, name, rivals)
+            for a in alike_of(self.regression, self.result.best, name, rivals)
             if a.name == name or a.name not in family_of(name)
         )
 
@@ -104,7 +104,7 @@ def probable(context: RuleContext, name: str) -> Decision:
     context : of the search.
     name : to decide on.
     """
-    p, best = context.found.inclusion[name], name in context.found.best.names
+    p, best = context.result.inclusion[name], name in context.result.best.names
     least = settings.statistics.acceptance_probability
     because = f"posterior probability {p:.3g}" + ("" if best else ", not in the best set")
     return Decision("probable", best and p >= least, because, p, least)
@@ -122,7 +122,7 @@ def best_of_its_family(context: RuleContext, name: str) -> Decision:
     -----
     Two of a family act in the same place, and one makes up for the form error of the other.
     """
-    better = _best_of(context.found, name, context.probable)
+    better = _best_of(context.result, name, context.probable)
     because = "the best of its family" if better == name else f"{better} acts there, and better"
     return Decision("best_of_its_family", better == name, because)
 
@@ -140,7 +140,7 @@ def large_enough(context: RuleContext, name: str) -> Decision:
     A prerequisite is as large as what acts through it.
     """
     size = context.size(name)
-    sure = context.found.inclusion[name] >= settings.statistics.certain_probability
+    sure = context.result.inclusion[name] >= settings.statistics.certain_probability
     least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
     is_prerequisite = any(
         context.size(n) >= 1.0 and name in effect_table.get(n).prerequisites
@@ -173,7 +173,7 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
     context : of the search.
     name : to decide on.
     """
-    rival, others = best_rival(context.found, name), rivals_nearly_as_good(context.found, name)
+    rival, others = best_rival(context.result, name), rivals_nearly_as_good(context.result, name)
     alike = next((a for a in context.alike(name) if a.name != name), None)
     if alike is not None:
         lead, least = alike.expected_log_odds, settings.statistics.acceptance_log_odds
@@ -181,7 +181,7 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
         return Decision("distinguishable", False, because, lead, least)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
-    lead, least = _lead(context.found, name, rival), required_lead(name, rival.names)
+    lead, least = _lead(context.result, name, rival), required_lead(name, rival.names)
     because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
     return Decision("distinguishable", not others, because, lead, least)
 
@@ -198,7 +198,7 @@ def separable_from_mass(context: RuleContext, name: str) -> Decision:
     -----
     Against a calibrated file both need the same balance but in yaw.
     """
-    rule, best = "told_from_a_mass", context.found.best
+    rule, best = "told_from_a_mass", context.result.best
     # only a single lost rotor has one hub where a mass could stand in for it
     columns = [context.regression.system.columns[k] for k in best.posterior.columns]
     keys = [col.key for col in columns if variant_of(col).effect == name]
@@ -251,7 +251,7 @@ def apply_rules(
     return passing
 
 
-def replaced_names(found: SearchResult, name: str, among: Sequence[str]) -> set[str]:
+def replaced_names(result: SearchResult, name: str, among: Sequence[str]) -> set[str]:
     """Return all names that act in a name's place, which it replaces.
 
     Parameters
@@ -264,25 +264,25 @@ def replaced_names(found: SearchResult, name: str, among: Sequence[str]) -> set[
     -------
     Empty where another of the family is better.
     """
-    best = _best_of(found, name, among) == name
-    return family_of(name) & set(found.best.names) if best else set()
+    best = _best_of(result, name, among) == name
+    return family_of(name) & set(result.best.names) if best else set()
 
 
-def _best_of(found: SearchResult, name: str, among: Sequence[str]) -> str:
+def _best_of(result: SearchResult, name: str, among: Sequence[str]) -> str:
     """Return the best of a name's family, each tried without the others of the family."""
     return max(
         sorted(family_of(name) & set(among)),
-        # beside another of the family the name has only what that leaves it: compared is each alone
-        key=lambda n: h.log_evidence if (h := _alone(found, n)) else -np.inf,
+        # with another of the family the name has only what that leaves it: each is compared alone
+        key=lambda n: h.log_evidence if (h := _alone(result, n)) else -np.inf,
     )
 
 
-def _alone(found: SearchResult, name: str) -> Hypothesis | None:
+def _alone(result: SearchResult, name: str) -> Hypothesis | None:
     """Return the best set that has this name and no other of its family."""
-    return next((h for h in found.hypotheses if family_of(name) & set(h.names) == {name}), None)
+    return next((h for h in result.hypotheses if family_of(name) & set(h.names) == {name}), None)
 
 
-def best_rival(found: SearchResult, name: str) -> Hypothesis | None:
+def best_rival(result: SearchResult, name: str) -> Hypothesis | None:
     """Return the set that explains the flights best in a name's place, however rare it is.
 
     Parameters
@@ -290,23 +290,23 @@ def best_rival(found: SearchResult, name: str) -> Hypothesis | None:
     found : of the search.
     name : of the effect.
     """
-    best = _alone(found, name) or found.best
+    best = _alone(result, name) or result.best
     # a larger set explains at least as much by its freedom alone
     others = [
         h
-        for h in found.hypotheses
+        for h in result.hypotheses
         if name not in h.names and h.names and cause_count(h.names) <= cause_count(best.names)
     ]
     # by the flights alone: a rarity in the prior must not hide what explains them as well
     return max(others, key=lambda h: h.flight_evidence, default=None)
 
 
-def _lead(found: SearchResult, name: str, rival: Hypothesis) -> float:
+def _lead(result: SearchResult, name: str, rival: Hypothesis) -> float:
     """Log odds of the best set with a name over its rival, from the flights alone."""
-    return (_alone(found, name) or found.best).flight_evidence - rival.flight_evidence
+    return (_alone(result, name) or result.best).flight_evidence - rival.flight_evidence
 
 
-def rivals_nearly_as_good(found: SearchResult, name: str) -> tuple[str, ...]:
+def rivals_nearly_as_good(result: SearchResult, name: str) -> tuple[str, ...]:
     """Return names that explain the flights nearly as well in a name's place.
 
     Parameters
@@ -314,12 +314,12 @@ def rivals_nearly_as_good(found: SearchResult, name: str) -> tuple[str, ...]:
     found : of the search.
     name : of the effect.
     """
-    rival = best_rival(found, name)
-    if name not in found.best.names or rival is None:
+    rival = best_rival(result, name)
+    if name not in result.best.names or rival is None:
         return ()
-    if _lead(found, name, rival) > required_lead(name, rival.names):
+    if _lead(result, name, rival) > required_lead(name, rival.names):
         return ()
-    best = _alone(found, name) or found.best
+    best = _alone(result, name) or result.best
     return tuple(n for n in rival.names if n not in best.names)
 
 
@@ -369,7 +369,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
         if value != a.neutral and value in (a.low, a.high):
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
-        # what the doubt on this number allows, the file's or the usual one, is no finding
+        # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = (
             not prior or abs(deviation - prior.mean) > settings.statistics.suggestive_sds * prior.sd
         )
@@ -395,7 +395,7 @@ def differs_from_neutral(fitted: Fitted, name: str) -> bool:
     return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)
 
 
-def open_names(found: SearchResult, names: set[str], contested: set[str]) -> tuple[str, ...]:
+def open_names(result: SearchResult, names: set[str], contested: set[str]) -> tuple[str, ...]:
     """Return names that replace each other: none accepted alone, but one of them needed.
 
     Parameters
@@ -409,12 +409,12 @@ def open_names(found: SearchResult, names: set[str], contested: set[str]) -> tup
     The most probable first; empty for fewer than two.
     """
     # probability that nothing is at work beyond the settled names
-    without = sum(h.probability for h in found.hypotheses if not set(h.names) - names)
+    without = sum(h.probability for h in result.hypotheses if not set(h.names) - names)
     possible = settings.statistics.possible_probability
     needed = without <= possible
     open_names = contested | {
-        n for n, p in found.inclusion.items() if needed and n not in names and p > possible
+        n for n, p in result.inclusion.items() if needed and n not in names and p > possible
     }
     if len(open_names) < 2:
         return ()
-    return tuple(sorted(open_names, key=lambda n: (-found.inclusion.get(n, 0.0), n)))
+    return tuple(sorted(open_names, key=lambda n: (-result.inclusion.get(n, 0.0), n)))

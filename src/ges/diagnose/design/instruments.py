@@ -60,13 +60,13 @@ def replay_references(
         return None
     table, every = _reference_table(flight), flight.steps(settings.numerics.step_s)
     start = {f"start_{name}": float(table[0, k]) for k, name in enumerate(POSITION + VELOCITY)}
-    # the replay's controller would answer the noise of sensors, and the references know none
+    # the replay's controller would respond to the noise of sensors, and the references know none
     quiet = {
         name: 0.0
         for name in sim.parameters()
         if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))
     }
-    # references tell of the attitude no more than the yaw: level, and rotors as in a hover
+    # references give no more of the attitude than the yaw: level, and rotors as in a hover
     half = 0.5 * table[0, 9]
     start |= {
         "start_q_w": float(np.cos(half)),
@@ -128,7 +128,7 @@ def instruments(
         by_channel = {
             base: _lagged(values, flight, windows, near) for base, values in signals.items()
         }
-        # velocity and accelerometer hear of one thrust
+        # velocity and accelerometer show one thrust
         by_channel["acc_z"] = by_channel["force_z"]
     if flight.has("command"):
         of_references = [

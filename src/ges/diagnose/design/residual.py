@@ -36,7 +36,7 @@ from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
 
 FINE = ("moment", "drive")
-"""Blocks that are also held against faster test functions: what acts within a few hundredths of a
+"""Blocks that are also compared under faster test functions: what acts within a few hundredths of a
 second shows there.
 """
 
@@ -756,7 +756,7 @@ def _moment(
     """
     omega, inertia = motion.omega, output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
     nominal = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
-    # (1) of docs/method.md over the inertia that is believed, then times the declared one
+    # (1) of docs/method.md over the modelled inertia, then times the nominal one
     acting = (np.cross(omega, inertia * omega) - output.moment_Nm) / inertia
     residuals = [
         (mark, nominal * (rate @ omega + mean @ acting))
@@ -780,7 +780,7 @@ def _acc(
 ) -> dict[str, np.ndarray]:
     """Residual of the accelerometer, as a force with the nominal mass."""
     columns = {name: f"{name}_m_s2" for name in ACC if name in names}
-    # as the acceleration of a force: in the declared mass
+    # as the acceleration of a force: with the nominal mass
     nominal_mass = model.number("mass_kg")
     return {
         n: windows.mean @ (nominal_mass * (flight.columns[c] - output[c]))

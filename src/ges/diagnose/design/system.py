@@ -317,7 +317,7 @@ def nuisances(
         for p in effect.of_rotors(model.n_rotors)
         if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
     ]
-    # the top speed is a number of the vehicle: no effect's descriptor has a doubt for it
+    # the top speed is a number of the vehicle: no effect's descriptor has a prior for it
     if "drive" in present:
         sd = model.prior_sds.get(SPEED, 0.0)
         effect, _, parameter = SPEED.partition(".")
@@ -333,7 +333,7 @@ def _nuisance(
     unit = model.arm_m if prior.per_arm else 1.0
     sd = model.prior_sds.get(key, unit * prior.sd)
     if sd and prior.timing:
-        # independent doubts add in squares
+        # independent sds add in squares
         sd = math.hypot(sd, _timing_sd_s(prior.timing, model, flights))
     step = settings.statistics.clear_sds * sd if prior.reciprocal else unit * prior.step
     # counted from the model as it is: what was corrected already is not expected again

@@ -134,7 +134,7 @@ def _ridge_residual(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.n
     if not good.any():
         return residual
     y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
-    # what has no doubt may go far beyond what the residual could ask for
+    # what has no prior sd may go far beyond what the residual could ask for
     size, tiny = np.sqrt(np.mean(x**2, axis=0)), settings.numerics.tiny
     far = settings.numerics.wide_factor * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny)
     # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
@@ -204,7 +204,7 @@ def estimate_noise(
     """
     covariate, runs = variance_covariate(system.flights), [_run(r.follows) for r in system.flights]
     endogenous = {c for r in system.flights for _, c in r.endogenous}
-    # rows without any noise would weigh without limit
+    # rows without any noise would count without limit
     floor = np.array(
         [settings.noise.least_share * system.model.reference_scale(name) for name in system.names]
     )
@@ -213,7 +213,7 @@ def estimate_noise(
         residuals = noise_residuals(system, c, chosen, together)
         ar, sd, growth = _channel_noise(system, residuals, runs, covariate)
         sd = max(sd, floor[c])
-        # the controller answered what columns explain, too: so without them
+        # the controller responded to what columns explain, too: so without them
         has_columns = bool(len(chosen) or together)
         disturbance = (
             _disturbance_size(noise_residuals(system, c), runs, ar, sd)
@@ -313,8 +313,8 @@ def whiten(
     made = [
         _whiten_flight(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)
     ]
-    # one kind of answer has one cause over all flights and channels, so they are bounded together;
-    # what was answered is larger than the noise by all that chosen effects explain
+    # one kind of response has one cause over all flights and channels, so they are bounded
+    # together; the disturbance is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for _, endogenous in made for kind, _ in endogenous):
         of_kind = [
             {c: part for (k, c), part in endogenous.items() if k == kind} for _, endogenous in made

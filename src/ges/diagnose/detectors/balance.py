@@ -107,7 +107,7 @@ class Shift:
     swing_seen: bool
 
     may_move: ClassVar[frozenset[str]] = frozenset()
-    """Effects whose declared numbers it can move: none."""
+    """Effects whose nominal parameters it can move: none."""
 
     @property
     def rotor(self) -> int:
@@ -299,7 +299,7 @@ def _mean_balance(
         [r.mean_columns(slow, [column[key] for key in keys]) for r in system.flights], axis=0
     )
     x, variance = dict(zip(keys, means.T, strict=True)), variance_of_means(system, slow) / count
-    # doubts are noise of the mean; what differs from flight to flight averages out over them
+    # prior sds are noise of the mean; what differs from flight to flight averages out over them
     covariance = np.diag(variance)
     for key in keys:
         n = nuisance_of(system.columns[column[key]])

@@ -271,7 +271,8 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     if not forces:
         return _EquivalentWind(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
     first = np.cumsum([0, *(len(f.at) for f in forces)])
-    # wind, profile and drag may be anything; a trim is a tilt within its doubt, a share of weight
+    # wind, profile and drag may be anything; a trim is a tilt within its prior sd, a share of
+    # weight
     tilt = effect_table.get("attitude_bias").parameters[0].doubt
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _EquivalentWind(

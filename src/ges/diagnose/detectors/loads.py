@@ -61,7 +61,7 @@ class DraggedLoad:
         return DraggedLoad(self.behind_m, ahead_m)
 
 
-def probable_load(regression: Regression, found: SearchResult) -> Variant | None:
+def probable_load(regression: Regression, result: SearchResult) -> Variant | None:
     """Return the load of the best set that has one.
 
     Parameters
@@ -72,8 +72,8 @@ def probable_load(regression: Regression, found: SearchResult) -> Variant | None
     -------
     Its variant; None where a load is improbable.
     """
-    best = next((h for h in found.hypotheses if LOAD in h.names), None)
-    if best is None or found.inclusion[LOAD] < settings.statistics.possible_probability:
+    best = next((h for h in result.hypotheses if LOAD in h.names), None)
+    if best is None or result.inclusion[LOAD] < settings.statistics.possible_probability:
         return None
     variants = (variant_of(regression.system.columns[k]) for k in best.posterior.columns)
     return next(v for v in variants if v.effect == LOAD)
@@ -142,7 +142,8 @@ def _refine_dragged(like: System, variant: Variant) -> Variant:
         _threads,
         *(_nearby(share) for share in settings.detect.places_nearby),
     ):
-        # the best so far stays in, so that no round loses by it, and first: its noise weighs all
+        # the best so far stays in, so that no round loses by it, and first: its noise counts for
+        # all
         tried = [best, *options(best, height_m)]
         best = tried[_most_probable(like, [shaped(load) for load in tried])]
     return shaped(best)

@@ -44,7 +44,7 @@ class UnmeasuredThrust:
     key : the number that absorbs it, ``effect.parameter``.
     excess : thrust or top speed relative to the file less one, or the bend of the curve.
     prior_sd : of the same quantity.
-    rivals : names that these flights cannot tell apart.
+    rivals : names that these flights cannot separate.
     """
 
     system: System

@@ -342,7 +342,8 @@ def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str,
             **current,
             a.parameter: float(np.clip(current[a.parameter] + value, a.low, a.high)),
         }
-        # its column was made beside a carrier of usual size: the flights know the product of both
+        # its column was made with a prerequisite of usual size: the flights determine the product
+        # of both
         given |= {(variant.effect, a.parameter): variant.given} if variant.given else {}
     for (effect, parameter), usual in given.items():
         values[effect][parameter] *= _usual_over_fitted(values, usual)
@@ -419,7 +420,7 @@ def _deviation_prior(
     if reach:
         return 0.0, reach
     descriptor = effect_table.get(name[0]).parameter(name[1])
-    # what corrects a declared number is pulled back to no correction, -value from here
+    # what corrects a nominal parameter is pulled back to no correction, -value from here
     if descriptor.fitted and descriptor.corrects:
         return -value, model.plane_sd_m
     return (
@@ -596,7 +597,7 @@ def _refit_trims(
         np.sqrt(np.diag(joint.covariance)[:count]) * firm,
         priors,
     )
-    # a pin is no knowledge: what was pinned keeps the doubt of the joint fit
+    # a pin is no knowledge: what was pinned keeps the sd of the joint fit
     sds = {**refit.common_sd, **{key: joint.common_sd[key] for key in priors}}
     return dataclasses.replace(refit, common_sd=sds)
 

@@ -127,7 +127,8 @@ def _grid(
     axes = {search.axis[0]: search.levels} if search.axis else {}
     if search.across:
         sd = model.plane_sd_m
-        # a declared number that shapes the effect is tried across its doubt, or taken as certain
+        # a nominal parameter that shapes the effect is tried across its prior sd, or taken as
+        # certain
         most = round(settings.statistics.suggestive_sds)
         axes[search.across] = tuple(k * sd for k in range(-most, most + 1)) if sd > 0.0 else (0.0,)
     plain = tuple(

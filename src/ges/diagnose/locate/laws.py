@@ -53,7 +53,7 @@ def candidate_terms(channel: str, system: System) -> list[Term]:
         *(({NEAR_GROUND: n}, {}) for n in (1, 2, 3)),
         *(({g: 1, NEAR_GROUND: n}, {}) for g in (*SPEEDS, HORIZONTAL) for n in (1, 2)),
     ]
-    # a constant beside them: numbers and names may have taken up what a term is on average
+    # a constant as well: numbers and names may have taken up what a term is on average
     listed = [Term.of(channel, SCALES[0], {})]
     listed += [Term.of(channel, s, n, m) for s, (n, m) in itertools.product(SCALES, products)]
     listed += [Term.of(channel, SCALES[0], {}, near_m=place) for place in candidate_places(system)]
@@ -199,29 +199,29 @@ def sparse_form(
     flight = np.repeat(np.arange(len(good)), [int(g.sum()) for g in good])
     chosen: tuple[int, ...] = ()
     best, worth = SparseForm((), 0.0), 0.0
-    # a term may predict little until another stands beside it
+    # a term may predict little until another is in the set
     while len(chosen) < min(settings.report.terms, len(moving)):
         chosen, r2 = _exchange(folds, (*chosen, *folds.best_addition(chosen)))
         used = table[:, moving[list(chosen)]]
         error = y - used @ np.linalg.lstsq(used, y, rcond=None)[0]
         # log predictive density of Gaussian errors, equation (11) of method.md
-        left = max(1.0 - r2, settings.numerics.tiny)
-        score = -0.5 * _independent_count(error, flight) * math.log(left) - len(chosen) * price
+        missed = max(1.0 - r2, settings.numerics.tiny)
+        score = -0.5 * _independent_count(error, flight) * math.log(missed) - len(chosen) * price
         if score > worth:
             best, worth = SparseForm(tuple(terms[moving[k]] for k in chosen), r2), score
     return best
 
 
-def _independent_count(left: np.ndarray, flight: np.ndarray) -> float:
+def _independent_count(residual: np.ndarray, flight: np.ndarray) -> float:
     """Effective number of independent values of a residual (n,), n (1 - r) / (1 + r).
 
     r is the correlation from one window to the next within a flight (Bartlett 1946, J. R. Stat.
     Soc. Suppl. 8, 27).
     """
     same = flight[1:] == flight[:-1]
-    power = max(float(left @ left), settings.numerics.tiny)
-    r = float(np.clip((left[1:] * left[:-1])[same].sum() / power, 0.0, 1.0))
-    return len(left) * (1.0 - r) / (1.0 + r)
+    power = max(float(residual @ residual), settings.numerics.tiny)
+    r = float(np.clip((residual[1:] * residual[:-1])[same].sum() / power, 0.0, 1.0))
+    return len(residual) * (1.0 - r) / (1.0 + r)
 
 
 @dataclasses.dataclass(frozen=True)

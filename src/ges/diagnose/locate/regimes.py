@@ -395,7 +395,7 @@ def located_by_findings(
 
 
 def located_by_open_names(
-    found: SearchResult,
+    result: SearchResult,
     regression: Regression,
     residuals: Sequence[np.ndarray],
     regime_values: Regimes,
@@ -420,7 +420,7 @@ def located_by_open_names(
     negligible = 1.0 - settings.statistics.certain_probability
     shown: dict[str, np.ndarray] = {}
     for h in (
-        h for h in found.hypotheses if h.probability > negligible and set(h.names) - set(proven)
+        h for h in result.hypotheses if h.probability > negligible and set(h.names) - set(proven)
     ):
         contribution = contribution_of(h.posterior, set(h.names) - set(proven), regression.system)
         for c, channel in enumerate(system.main):

@@ -378,7 +378,7 @@ def _test_channels(
     y = e / size
     r2 = _cross_validated_r2(basis, y, of_block, np.ones((len(signs), 1)))[:, 0]
     draws = _cross_validated_r2(basis, _fold_residuals(basis, y), of_block, signs)
-    # once it is tested, all folds together tell where it peaks and how large it is
+    # once it is tested, all folds together show where it peaks and how large it is
     beta = np.linalg.solve(
         sum(basis.gram.values()) + settings.statistics.ridge_windows * np.eye(basis.x.shape[1]),
         basis.x.T @ y,

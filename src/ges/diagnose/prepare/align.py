@@ -368,7 +368,7 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
             values = _one_sign(values) if stream == "attitude" else values
             on_grid, every = _regrid(t_s, values, grid, mean_s)
             columns.update(zip(group, on_grid.T, strict=True))
-            # the slowest axis sets the update time; one that stands still says nothing of it
+            # the slowest axis sets the update time; one that stands still shows none
             update[stream] = (
                 max(every, update.get(stream, 0.0))
                 if np.isfinite(every)

@@ -150,7 +150,8 @@ def _combined_delay(
     scatter = np.sqrt(weight @ (np.array([_peak(s, lags_s)[0] for s in of_flights]) - delay) ** 2)
     several = free > settings.numerics.small
     sd = float(scatter / np.sqrt(free)) if several else float(lags_s[1] - lags_s[0])
-    # leave one flight out: where the rest agree better, its whole pull on the delay is doubt
+    # leave one flight out: where the rest agree better, its whole pull on the delay counts as
+    # uncertainty
     without_one = [_peak(together - s, lags_s) for s in of_flights] if len(of_flights) > 1 else []
     sd = max([sd, *(abs(at - delay) for at, r in without_one if r > top)])
     # flights that agree by luck know no more than their noise lets them
@@ -447,7 +448,7 @@ def without_delay(flight: Prepared, stream: str, delay_s: float) -> Prepared:
     # the pose is taken as one estimator's: position and velocity are as late as the attitude
     streams = POSE if stream == "attitude" else (stream,)
     names = [n for s in streams for n in flight.streams[s] if n in flight.columns]
-    # what was so at t, a late stream says at t + delay
+    # what was so at t, a late stream shows at t + delay
     moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
     return flight.replace(
         columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s}

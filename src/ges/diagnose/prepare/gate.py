@@ -172,7 +172,7 @@ def impact_samples(gridded: _Gridded, model: Model) -> np.ndarray:
     if gridded.height_m is None or "acc_z_m_s2" not in flight.columns:
         return np.zeros(len(flight.t_s), bool)
     p, force_m_s2 = settings.prepare, flight.columns["acc_z_m_s2"]
-    # what is left of the thrust beside what carries is the least that no drive makes so shortly
+    # the rest of the thrust beyond what carries is the least that no drive makes so shortly
     least_m_s2 = p.descent_share * GRAVITY_M_S2
     size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1
     # a running median follows steps and ramps of thrust and passes by what is short: a blow

@@ -35,7 +35,7 @@ def with_steady_position(flight: Prepared) -> Prepared:
     # trapezoidal rule; its drift is slow, and goes with the slow part of the difference below
     travelled = np.vstack([np.zeros(3), np.cumsum(0.5 * (v[1:] + v[:-1]) * flight.dt_s, axis=0)])
     for at in np.split(np.arange(len(p)), np.flatnonzero(np.diff(flight.flying)) + 1):
-        # in less than one period of the cut-off nothing can be told as slow
+        # in less than one period of the cut-off nothing can be seen as slow
         if flight.flying[at[0]] and len(at) * flight.dt_s * settings.prepare.slow_Hz > 1.0:
             p[at] = travelled[at] + _slow(p[at] - travelled[at], flight.dt_s)
     return flight.replace(columns={**flight.columns, **dict(zip(POSITION, p.T, strict=True))})

@@ -200,7 +200,7 @@ def _separates_words(names: Sequence[str], tell: str = "tells", show: str = "sho
     named = [plain(n) for n in names if n != NOTHING]
     there = f"{show} whether {list_words(named, 'or')} is there at all" if named else ""
     apart = f"{tell} {list_words(named)} apart" if len(named) > 1 else ""
-    # a single name has nothing to be told from: only whether it is there
+    # a single name has nothing to be separated from: only whether it is there
     if not apart:
         return there or f"{show} whether anything is missing"
     return f"{apart} and {there}" if NOTHING in names else apart
@@ -317,7 +317,7 @@ def considered_rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows = [
         {**c, "failed": next((d for d in c["decisions"] if not d["passed"]), None)}
         for c in content.get("considered", ())
-        # what was not weighed has no probability to rank by; the page lists it as not tested
+        # what was not compared has no probability to rank by; the page lists it as not tested
         if (c["name"], c.get("place", "")) not in named and c["probability"] is not None
     ]
     return sorted(rows, key=lambda c: (-c["probability"], c["name"], c.get("place", "")))
@@ -376,7 +376,8 @@ def grouped_warnings(warnings: Sequence[str], names: Sequence[str]) -> list[str]
     """
     alike: dict[str, dict[str, str]] = {}
     for warning in warnings:
-        # the name of flight1 also begins what is said of flight10: the longest that fits is meant
+        # the name of flight1 also begins the sentence about flight10: the longest that fits is
+        # meant
         name = max((n for n in names if warning.startswith(n)), key=len, default="")
         alike.setdefault(warning.removeprefix(name).lstrip(": "), {})[name] = warning
     return [

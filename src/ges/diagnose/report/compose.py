@@ -58,7 +58,7 @@ def compose_diagnosis(
     problem, start, explanation, proof : results of the stages: prepared flights, the recalibrated
         model, the accepted names, errors on held-out flights.
     unexplained_structures : structure in the residuals of the accepted model.
-    laws : found beside the names.
+    laws : found besides the names.
     models : before, recalibrated and after, with laws also names_only.
     located : entries of ``located``.
     contradicted : nominal parameters that the flights contradict.
@@ -104,5 +104,5 @@ def compose_diagnosis(
             problem, explanation.accepted, start.cells, models, proof, start.system.length_s
         ),
     )
-    # last, as it reads all that is told
+    # last, as it reads all that is reported
     return with_sentence(diagnosis)

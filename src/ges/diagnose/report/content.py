@@ -46,7 +46,7 @@ def located_entries(start: Start, explanation: Explanation) -> list[dict]:
     # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:
         entries += located_by_open_names(
-            accepted.found, accepted.regression, residuals, start.regimes, accepted.names
+            accepted.result, accepted.regression, residuals, start.regimes, accepted.names
         )
     return strongest_entries(entries)
 
@@ -69,7 +69,7 @@ def data_used(
     warnings : sentences for the reader.
     """
     reasons = sorted({r for f in flights for r in f.left_out})
-    # without logged references there is no instrument, and no strength to tell of
+    # without logged references there is no instrument, and no strength to report
     by_flight = [
         r.instruments for r in system.flights if r.instruments and r.flight.has("reference")
     ]
@@ -127,7 +127,7 @@ def not_tested(system: System, fitted: Model) -> dict[str, str]:
     """
     flights, reasons = system.recordings, {}
     searched = {c.variant.effect for c in system.columns if c.variant is not None}
-    # the gate and the search for gusts speak about these, though no column of theirs is searched
+    # the gate and the search for gusts cover these, though no column of theirs is searched
     searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
     searched |= {GUSTS} if shows_moving_air(fitted.effects) else set()
     for name, effect in effect_table.table().items():
@@ -185,7 +185,7 @@ def considered_candidates(
     record : decisions by name.
     reasons : of :func:`not_tested`.
     """
-    inclusion = accepted.found.inclusion
+    inclusion = accepted.result.inclusion
     entries = [
         Considered(name, places_of(accepted, name), inclusion.get(name), record.of(name))
         for name in dict.fromkeys((*inclusion, *record.names))
@@ -210,8 +210,8 @@ def places_of(accepted: Accepted, name: str) -> str:
     -------
     ``rotor 3``, by the best variant; '' for other effects.
     """
-    if name not in accepted.found.inclusion:
+    if name not in accepted.result.inclusion:
         return ""
     columns = accepted.regression.system.columns
-    variants = (variant_of(columns[k]) for k in accepted.found.best_with(name).posterior.columns)
+    variants = (variant_of(columns[k]) for k in accepted.result.best_with(name).posterior.columns)
     return " and ".join(next(v for v in variants if v.effect == name).places)

@@ -64,7 +64,7 @@ def all_findings(
     # shares make a force, a moment and a rotor speed comparable
     proven.sort(key=lambda f: -f.size["share_of_weight"])
     proven += [explanation.gusts.finding()] if explanation.gusts else []
-    # names that were given are told whatever their size
+    # names that were given are reported whatever their size
     if names_searched:
         model = explanation.last.model
         proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
@@ -87,7 +87,7 @@ def detected_effects(accepted: Accepted) -> dict[str, DetectedEffect]:
     if accepted.fitted is None:
         return {}
     columns = accepted.regression.system.columns
-    chosen = accepted.found.best.posterior.columns
+    chosen = accepted.result.best.posterior.columns
     variants = {v.effect: v for v in (variant_of(columns[k]) for k in chosen)}
     effects = accepted.fitted.effects
     return {
@@ -141,7 +141,7 @@ def _alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
 
     Other places of the same name that these flights cannot separate come first.
     """
-    hypotheses = accepted.found.hypotheses
+    hypotheses = accepted.result.hypotheses
     with_name = max((h.log_evidence for h in hypotheses if name in h.names), default=0.0)
     # the best set without the name, by what it has that was not accepted: that takes its place
     best: dict[str, float] = {}
@@ -231,7 +231,7 @@ def _contradicted_finding(
     # to first order: the number's column times its correction
     terms = {system.nuisances[n.key]: n.value for n in contradicted}
     contribution = [rows.weighted_columns(terms, len(system.main)) for rows in system.flights]
-    # certain by its own rule, hence as sure as any name is told to be
+    # certain by its own rule, hence as sure as any name can be
     found = Finding.of(
         name, calibrated_probability(1.0), parameters, size_of_contribution(contribution, system)
     )
@@ -240,7 +240,7 @@ def _contradicted_finding(
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:
-    """Return the names that the flights cannot separate, each as fitted beside what is accepted.
+    """Return the names that the flights cannot separate, each as fitted with what is accepted.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def open_findings(accepted: Accepted) -> list[Finding]:
 
 
 def _open(accepted: Accepted, name: str) -> Finding:
-    fitted, inclusion = accepted.alternatives.get(name), accepted.found.inclusion
+    fitted, inclusion = accepted.alternatives.get(name), accepted.result.inclusion
     # one of them is needed: a set that has two makes neither surer than the other lets it be
     chance = calibrated_probability(
         inclusion[name] / max(1.0, sum(inclusion[n] for n in accepted.rivals))
@@ -273,7 +273,7 @@ def _open(accepted: Accepted, name: str) -> Finding:
 def _search_estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
     """Parameters of one name from the search."""
     posterior, units = (
-        accepted.found.best_with(name, accepted.rivals).posterior,
+        accepted.result.best_with(name, accepted.rivals).posterior,
         {p.name: p.unit for p in effect_table.get(name).parameters},
     )
     estimates: dict[str, Estimate] = {}

@@ -168,7 +168,7 @@ def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
         for f in content["findings"]
         for name, p in f["parameters"].items()
     ]
-    # corrections are counted from the vehicle file, so what is declared lies at zero
+    # corrections are counted from the vehicle file, so nominal values lie at zero
     for key, p in content["calibration"].items():
         if p["declared_sd"]:
             rows.append(

@@ -142,7 +142,7 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
     """
     size = f["size"]
     if f["kind"] == "parameter" and f["parameters"]:
-        # of several corrections of one effect the largest is told
+        # of several corrections of one effect the largest is reported
         name = max(f["parameters"], key=lambda p: abs(f["parameters"][p]["value"]))
         return _correction_words(name, f["parameters"][name]["value"])
     if size.get("force_per_speed_N_s_m"):
@@ -162,7 +162,7 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
 
 def _sureness(findings: Sequence[Mapping]) -> str:
     least = min(f["probability"] for f in findings)
-    # no more nines than the table of findings tells
+    # no more nines than the table of findings shows
     sure = "99.9 %" if least > 0.999 else f"{100.0 * least:.0f} %"
     return f"{'each at least ' if len(findings) > 1 else ''}{sure} sure"
 
@@ -228,7 +228,7 @@ def _wrong_number(content: Mapping[str, Any]) -> Iterator[str]:
 
 def _largest_correction(content: Mapping[str, Any]) -> str:
     """Return the number that recalibration moved farthest over its prior sd; '' within two."""
-    # a correction counts by the doubt that the file states; one without contradicts nothing
+    # a correction counts by the sd that the file states; one without contradicts nothing
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
     key = max(far, key=lambda k: far[k], default=None)

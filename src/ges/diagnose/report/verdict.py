@@ -1,4 +1,4 @@
-"""The verdict, one word of the contract, and the remark beside the sentence."""
+"""The verdict, one word of the contract, and the remark that goes with the sentence."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def alike_of(
     others = np.array([k for k in found.columns if k not in mine], dtype=int)
     gram = regression.pooled().without(others, regression.prior.sd[others])
     # log odds over nothing that the name is expected to have, but for the size that it took
-    whole = 0.5 * float(b @ gram.xx[np.ix_(mine, mine)] @ b)
+    over_nothing = 0.5 * float(b @ gram.xx[np.ix_(mine, mine)] @ b)
     size = _unlikely(regression, mine, b)
     least, best = settings.statistics.acceptance_log_odds, dict[tuple[str, str], Alike]()
     here = variant_of(columns[mine[0]]).places
@@ -65,12 +65,14 @@ def alike_of(
         places = variant_of(columns[entry.columns[0]]).places
         if entry.name in h.names and (entry.name != name or set(places) & set(here) or not here):
             continue
-        lost, values = _in_place_of(gram, regression, mine, b, entry)
-        lost -= size
+        log_odds, values = _in_place_of(gram, regression, mine, b, entry)
+        log_odds -= size
         key = entry.name, " and ".join(places)
         # a rival that explains nothing is no rival, only a name that hardly shows
-        if lost < least <= whole - lost and (key not in best or lost < best[key].expected_log_odds):
-            best[key] = Alike(*key, values, lost)
+        if log_odds < least <= over_nothing - log_odds and (
+            key not in best or log_odds < best[key].expected_log_odds
+        ):
+            best[key] = Alike(*key, values, log_odds)
     return tuple(sorted(best.values(), key=lambda a: (a.expected_log_odds, a.name, a.place)))
 
 
@@ -94,8 +96,8 @@ def _in_place_of(
     cross, precision = gram.xx[np.ix_(at, own)] @ b, np.diag(1.0 / prior.sd**2)
     c = np.linalg.solve(inner + precision, cross + precision @ prior.mean)
     c = np.clip(c, prior.low, prior.high)
-    lost = b @ gram.xx[np.ix_(own, own)] @ b - 2.0 * c @ cross + c @ inner @ c
+    log_odds = b @ gram.xx[np.ix_(own, own)] @ b - 2.0 * c @ cross + c @ inner @ c
     keys = [regression.system.columns[k].key for k in at]
     # the two parts of one amplitude, force and moment, are one value: that of the force
     values = dict(reversed(list(zip(keys, c.tolist(), strict=True))))
-    return 0.5 * float(lost) + _unlikely(regression, at, c), values
+    return 0.5 * float(log_odds) + _unlikely(regression, at, c), values

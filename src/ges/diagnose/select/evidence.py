@@ -141,7 +141,8 @@ def whitened_against_feedback(part: WhitePart) -> tuple[np.ndarray, np.ndarray]:
     -------
     Columns (n, k) and residuals (n,), shrunk along the feedback errors.
     """
-    # (1 + A A^T)^(-1/2) for the answers A: 1 / sqrt(1 + s^2) along each left singular vector
+    # (1 + A A^T)^(-1/2) for the feedback errors A: 1 / sqrt(1 + s^2) along each left singular
+    # vector
     u, size, _ = np.linalg.svd(part.feedback_errors, full_matrices=False)
     removed = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
     return part.x - removed @ (u.T @ part.x), part.y - removed @ (u.T @ part.y)
@@ -199,7 +200,7 @@ def marginalise_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gr
     """
     if not len(varies):
         return gram
-    # an own deviation is a copy of the column, scaled to unit sd, beside the common one
+    # an own deviation is a copy of the column, scaled to unit sd, next to the common one
     return _marginalise_copies(
         gram,
         gram.xx[np.ix_(varies, varies)] * np.outer(sd, sd),
@@ -391,7 +392,7 @@ class Regression:
         total = self.by_flight[0].scaled(0.0)
         for gram in self.by_flight:
             total = total + gram
-        # what has no doubt over vehicles has nothing to integrate out, and 1 / sd^2 no value
+        # what has no sd over vehicles has nothing to integrate out, and 1 / sd^2 no value
         common = np.array(
             [k for k in self.nuisance if self.prior.sd[k] > 0 and k not in but], dtype=int
         )

@@ -114,8 +114,8 @@ class FreedNuisances:
         The evidence changes by the density of their posterior at zero over that of their prior
         (Dickey 1971).
         """
-        # beside coefficients b the twins are N(mean - moved b, C): the density at zero is Gaussian
-        # in b, and adds moved^T C^-1 moved, moved^T C^-1 mean and a constant
+        # given coefficients b the nuisances are N(mean - shift_per_unit b, C): the density at zero
+        # is Gaussian in b, and adds moved^T C^-1 moved, moved^T C^-1 mean and a constant
         mean, shift_per_unit = (
             self.mean[freed],
             self.shift_per_unit[freed[:, :, None], own[:, None, :]],
@@ -163,8 +163,8 @@ class SetScorer:
     Notes
     -----
     A nominal parameter is right within its prior, or it is a finding and free, never the sum of
-    both. So its nuisance takes part in every set without the candidate for it, and is zero beside
-    that.
+    both. So its nuisance takes part in every set without the candidate for it, and is zero with
+    it.
     """
 
     gram: Gram

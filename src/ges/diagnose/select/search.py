@@ -145,7 +145,7 @@ def _hypotheses_of(
         grouped.items(), best, scorer.posteriors(best), strict=True
     ):
         prior, rarity = _log_prior(names, count), log_rarity(names)
-        # mean over variants by their shares, among those alone that were weighed
+        # mean over variants by their shares, among those alone that were evaluated
         mean = np.logaddexp.reduce(weight[members]) - np.logaddexp.reduce(share[members])
         total = float(mean) + prior + rarity
         out[names] = Hypothesis(
@@ -241,7 +241,7 @@ def evaluate_exactly(regression: Regression, candidates: Sequence[Candidate]) ->
     chosen = [scorer.best([(e,) for e in options])[0] for options in by_name]
     if not chosen:
         return _normalise([Hypothesis((), (), Posterior.empty(), 0.0)])
-    # coordinate ascent: what is best alone need not be best beside the others
+    # coordinate ascent: what is best alone need not be best with the others
     for _ in range(2):
         for i, options in enumerate(by_name):
             chosen = [*scorer.best([[*chosen[:i], e, *chosen[i + 1 :]] for e in options])]

@@ -44,14 +44,14 @@ def search_until_stable(
     effect explains most of the residual in a noisy channel. Then the search starts once more from
     the noise without it. That search stays if it finds just the effect.
     """
-    found = _search_and_noise(regression, candidates, base, only)
+    result = _search_and_noise(regression, candidates, base, only)
     # where names are given, no other can be hidden
     for _ in range(settings.numerics.noise_rounds if only is None else 0):
-        again = _search_without_hidden(found[0], found[2], candidates, base)
+        again = _search_without_hidden(result[0], result[2], candidates, base)
         if again is None:
             break
-        found = again
-    return found
+        result = again
+    return result
 
 
 def _search_without_hidden(
@@ -88,30 +88,30 @@ def _search_and_noise(
     chosen: dict[int, float] = {}
     for again in range(settings.numerics.noise_rounds):
         regression = make_regression(regression.system, together=chosen) if again else regression
-        found = (
+        result = (
             search(regression, candidates, base)
             if only is None
             else evaluate_exactly(regression, candidates)
         )
-        now = _probable(found, regression.system)
+        now = _probable(result, regression.system)
         # what was found leaves just the noise that it was found in
         if set(now) == set(chosen):
             break
         chosen = now
-    return regression, found, tuple(chosen)
+    return regression, result, tuple(chosen)
 
 
-def _probable(found: SearchResult, system: System) -> dict[int, float]:
+def _probable(result: SearchResult, system: System) -> dict[int, float]:
     """Columns and coefficients of the best set, of names that are more probable than not.
 
     Which of a family it is makes no difference to the residual.
     """
-    families = {name: family_of(name) for name in found.best.names}
+    families = {name: family_of(name) for name in result.best.names}
     probability = {
-        name: sum(h.probability for h in found.hypotheses if family & set(h.names))
+        name: sum(h.probability for h in result.hypotheses if family & set(h.names))
         for name, family in families.items()
     }
-    best = found.best.posterior
+    best = result.best.posterior
     return {
         k: float(value)
         for k, value in zip(best.columns, best.mean, strict=True)

@@ -154,7 +154,7 @@ class Diagnosis:
     ----------
     verdict : ``nothing_proven``, ``parameter``, ``sensor``, ``physics``, ``ambiguous``, ``law`` or
         ``unknown``.
-    remark : what is to be said beside the sentence; '' for nothing.
+    remark : what is to be said besides the sentence; '' for nothing.
     origin : ``vehicle``, ``flights`` with the part each took, and ``version``; of a run also file
         hashes and command.
     findings : causes: proven ones, the largest first, then settled and nominal parameters, then

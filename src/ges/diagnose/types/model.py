@@ -193,13 +193,13 @@ def _prior_sds(vehicle: Vehicle) -> dict[str, float]:
     for effect in effect_table.table().values():
         for p in (p for p in effect.parameters if p.corrects and p.role == "amplitude"):
             nominal = [n for path in p.corrects if (n := _number(vehicle, path))]
-            # a scale corrects a quotient of several numbers, as k_T / m: their relative doubts,
+            # a scale corrects a quotient of several numbers, as k_T / m: their relative sds,
             # which are independent, add in squares
             sds = [sd / abs(value) if p.unit == "1" else sd for value, sd in nominal]
             prior_sds[f"{effect.name}.{p.name}"] = math.hypot(*sds)
     if vehicle.max_rotor_speed_rad_s:
         prior_sds[SPEED] = vehicle.max_rotor_speed_rad_s.sd
-    # a calibrated file states the doubt of its own trims; it goes before that of declared numbers
+    # a calibrated file states the sd of its own trims; it goes before that of nominal parameters
     given = {
         f"{name}.{key}": quantity.sd
         for name, values in vehicle.effects.items()
@@ -237,7 +237,7 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
         _prior_sds(vehicle),
         # what the file does not state is the simulator's default, which no channel may stand on
         frozenset(name for name, given in optional_parts.items() if given is not None),
-        # effects know one plane of all rotors: the widest of their doubts
+        # effects know one plane of all rotors: the widest of their sds
         max(rotor.z_m.sd for rotor in vehicle.rotors),
         vehicle.left_unexplained or {},
     )

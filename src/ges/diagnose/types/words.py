@@ -61,7 +61,7 @@ _WHOLES = {
     "m": "a rotor radius",
 }
 MOST_ODDS = 23.0
-"""Log odds of 10 to the ninth: beyond, a number says no more."""
+"""Log odds of 10 to the ninth: beyond, a number means no more."""
 
 
 def _split(name: str) -> tuple[str, str]:
