@@ -54,7 +54,7 @@ def separating_manoeuvre(
 
     Parameters
     ----------
-    regression, found : of the search.
+    regression, result : of the search.
     proven : names that are accepted.
     parameters : as for :func:`~ges.diagnose.advise.recommend.rank`.
     """

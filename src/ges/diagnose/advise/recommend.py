@@ -115,7 +115,7 @@ def open_sets(result: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
 
     Parameters
     ----------
-    found : of the search.
+    result : of the search.
     proven : names that are accepted.
 
     Returns

@@ -256,7 +256,7 @@ def replaced_names(result: SearchResult, name: str, among: Sequence[str]) -> set
 
     Parameters
     ----------
-    found : of the search.
+    result : of the search.
     name : of the effect.
     among : names that compete.
 
@@ -287,7 +287,7 @@ def best_rival(result: SearchResult, name: str) -> Hypothesis | None:
 
     Parameters
     ----------
-    found : of the search.
+    result : of the search.
     name : of the effect.
     """
     best = _alone(result, name) or result.best
@@ -311,7 +311,7 @@ def rivals_nearly_as_good(result: SearchResult, name: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    found : of the search.
+    result : of the search.
     name : of the effect.
     """
     rival = best_rival(result, name)
@@ -400,7 +400,7 @@ def open_names(result: SearchResult, names: set[str], contested: set[str]) -> tu
 
     Parameters
     ----------
-    found : of the search.
+    result : of the search.
     names : that are settled.
     contested : names that others could replace, and those others.
 

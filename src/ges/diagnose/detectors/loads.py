@@ -66,7 +66,7 @@ def probable_load(regression: Regression, result: SearchResult) -> Variant | Non
 
     Parameters
     ----------
-    regression, found : of the search.
+    regression, result : of the search.
 
     Returns
     -------

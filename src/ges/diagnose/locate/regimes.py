@@ -405,7 +405,7 @@ def located_by_open_names(
 
     Parameters
     ----------
-    found, regression : of the search.
+    result, regression : of the search.
     residuals : by flight, (m, C) with what is proven.
     regime_values : by flight, regime variables of all windows.
     proven : names that are accepted.
