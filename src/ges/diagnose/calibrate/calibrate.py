@@ -264,10 +264,8 @@ def _posterior(
     integrated out.
     """
     precision = np.diag(1.0 / prior_sd**2)
-    right, total = (
-        precision @ prior_mean,
-        -float(np.log(prior_sd).sum()) - 0.5 * float(prior_mean @ precision @ prior_mean),
-    )
+    right = precision @ prior_mean
+    total = -float(np.log(prior_sd).sum()) - 0.5 * float(prior_mean @ precision @ prior_mean)
     for grams in sessions:
         # inner level first: what flights leave adds up to their session, and sessions to the whole
         flights = [_marginalise(gram, flight_sd) for gram in grams]
@@ -317,10 +315,8 @@ def _fit_trims(
         balance, start, 1.0 if _commands_alone(flights) else settings.calibrate.smaller_spread
     )
     flight_sd, session_sd = (level.pooled * balance.spread for level in spreads)
-    posterior, gauge = (
-        _posterior(balance.sessions, start, balance.prior_sd, flight_sd, session_sd),
-        _gauge(balance.keys, model),
-    )
+    posterior = _posterior(balance.sessions, start, balance.prior_sd, flight_sd, session_sd)
+    gauge = _gauge(balance.keys, model)
     # after the gauge: what losses and thrust scale cannot separate would count in both sds
     sd = np.sqrt(np.diag(gauge @ posterior.covariance @ gauge.T))
     later = np.sqrt(sd**2 + sum((level.later_sd * balance.spread) ** 2 for level in spreads))

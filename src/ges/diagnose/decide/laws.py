@@ -232,10 +232,8 @@ def _fit_terms(
 
 def _law_contribution(channel: str, fitted: Fitted, explanation: Explanation) -> list[np.ndarray]:
     """Contribution of one channel's law to every channel, by flight, (m, C)."""
-    effects, search_regression = (
-        fitted.regression.system.model.effects,
-        explanation.accepted.regression,
-    )
+    effects = fitted.regression.system.model.effects
+    search_regression = explanation.accepted.regression
     others = {k: 0.0 if k.startswith(f"{channel}:") else v for k, v in effects[LAW].items()}
     without = search_regression.system.model.with_effects({LAW: others})
     return contributions_of(effects, LAW, fitted.regression.system, without)

@@ -207,10 +207,8 @@ def separable_from_mass(context: RuleContext, name: str) -> Decision:
     if not causes:
         return Decision(rule, True, "no mass at one hub would do the same")
     loss, mass = causes[rotors[0]]
-    lead, least = (
-        0.5 * (loss.distance_explained - mass.distance_explained),
-        settings.statistics.acceptance_log_odds,
-    )
+    lead = 0.5 * (loss.distance_explained - mass.distance_explained)
+    least = settings.statistics.acceptance_log_odds
     because = f"log odds {lead:.3g} over a mass at its hub, by the balance"
     return Decision(rule, lead >= least, because, lead, least)
 

@@ -181,10 +181,8 @@ def without_idle_rivals(
     -----
     Rivals are also dropped if only healthy flights' structure asks for them besides accepted names.
     """
-    accepted, unexplained = (
-        explanation.accepted,
-        unexplained_structures(explanation.structures, explanation.last.model),
-    )
+    accepted = explanation.accepted
+    unexplained = unexplained_structures(explanation.structures, explanation.last.model)
     shown_when_calibrated = nominal.left_unexplained and not unexplained
     if balance_shifted or shown_when_calibrated and accepted.names and not accepted.contested:
         accepted = dataclasses.replace(accepted, rivals=())

@@ -123,10 +123,8 @@ def subtract_trims(
             continue
         # by the channel's own test function: the average of what is held, the rate of what turned
         mean, rate = windows.functions[mark_of(name)]
-        trim, rotation = (
-            (mean @ constant_and_thrust)[air],
-            (rate @ omega[:, AXES.index(name[len("moment_")])])[air],
-        )
+        trim = (mean @ constant_and_thrust)[air]
+        rotation = (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
         at = np.ix_(air, dynamic[x.at[c]])
         regressors = np.column_stack([trim, rotation])
         # both are fitted, the trim alone is taken out

@@ -286,10 +286,8 @@ def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, one row for each step of the drive."""
     every = flight.steps(settings.numerics.step_s)
-    u, voltage = (
-        _between(commands, every, flight.command_hold.delay_rows),
-        flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan)),
-    )
+    u = _between(commands, every, flight.command_hold.delay_rows)
+    voltage = flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
     # motors alone are flown: attitude is imposed level and at rest
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
     return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])

@@ -571,10 +571,8 @@ def flight_rows(
     A column is minus the residual's change per unit of its coefficient.
     """
     windows = make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
-    air, driven = (
-        windows.within(flight.flying),
-        np.array([block_of(name) == "drive" for name in names]),
-    )
+    air = windows.within(flight.flying)
+    driven = np.array([block_of(name) == "drive" for name in names])
     here = tuple(
         name
         for name in with_higher_orders(channels(flight, model), len(windows.higher_orders))
@@ -601,10 +599,8 @@ def flight_rows(
         x.finite() & (air[:, None] | driven), y, np.nan
     )  # a beam that tilted a little further would see no ground
     # what is constant in a moment, or goes with this thrust, is a trim
-    keys, thrust = (
-        [c.key for c in columns],
-        model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1),
-    )
+    keys = [c.key for c in columns]
+    thrust = model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1)
     subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
         instruments = like.instruments if like else None

@@ -340,10 +340,8 @@ def _error_bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[i
     channel. So those that share the column's power count as one.
     """
     power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in endogenous]
-    every, sd = (
-        [p for of_flight in power for p in of_flight.values()],
-        settings.noise.feedback_correlation_sd,
-    )
+    every = [p for of_flight in power for p in of_flight.values()]
+    sd = settings.noise.feedback_correlation_sd
     # participation ratio: among how many flights and channels the column's power is shared
     alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
     # (5) of docs/method.md: root mean square rho in sds of the noise, times the root of that number
@@ -432,10 +430,8 @@ def _innovation(
     # lines count from the last, the full filter, which may be the only one;
     # places before the known past repeat its first row, with weight zero
     known = np.minimum(past, order)
-    values, before = (
-        weights[known - order - 1] / sd[:, None],
-        at[:, None] - np.minimum(np.arange(order + 1), known[:, None]),
-    )
+    values = weights[known - order - 1] / sd[:, None]
+    before = at[:, None] - np.minimum(np.arange(order + 1), known[:, None])
     return csr_array(
         (values.ravel(), before.ravel(), np.arange(len(at) + 1) * (order + 1)),
         shape=(len(at), count),

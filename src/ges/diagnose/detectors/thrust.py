@@ -80,10 +80,8 @@ class UnmeasuredThrust:
         """Return how far the thrust is off, what would explain it, and how to find out."""
         low, high = self.excess.ci95
         share = 1.0 if self.key == CURVE else 100.0
-        value, half = (
-            number_words(share * abs(self.excess.value), 2),
-            number_words(share * 0.5 * (high - low), 2),
-        )
+        value = number_words(share * abs(self.excess.value), 2)
+        half = number_words(share * 0.5 * (high - low), 2)
         times = number_words(abs(self.excess.value) / self.prior_sd, 2)
         causes_named = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
         *some, last = causes_named + (

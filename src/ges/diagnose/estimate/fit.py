@@ -99,10 +99,8 @@ def joint_fit(
     for i, (k, name) in enumerate(zip(common, names, strict=True), start[1]):
         mean[i], sd = nuisances[k].mean, nuisances[k].sd
         if name in nuisance_priors:
-            mean[i], sd = (
-                nuisance_priors[name][0] - start_at[i - start[1]],
-                nuisance_priors[name][1],
-            )
+            mean[i] = nuisance_priors[name][0] - start_at[i - start[1]]
+            sd = nuisance_priors[name][1]
         precision[i] = 1.0 / sd**2
     precision[start[2] :] = np.tile(
         [1.0 / nuisances[k].flight_sd ** 2 for k in varies], len(regression.whites)

@@ -145,10 +145,8 @@ def silent_channels(flights: Sequence[Prepared], model: Model) -> dict[str, str]
     model : of the vehicle.
     """
     logged = {name for f in flights for name in channels(f, model)}
-    pose, gyro = (
-        "log velocity and attitude (v_x_m_s ..., q_w ...)",
-        "log the gyro (omega_x_rad_s ...)",
-    )
+    pose = "log velocity and attitude (v_x_m_s ..., q_w ...)"
+    gyro = "log the gyro (omega_x_rad_s ...)"
     reasons = {
         "force_x": "log the attitude (q_w ...)" if "force_z" in logged else pose,
         "force_z": pose,

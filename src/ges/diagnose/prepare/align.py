@@ -313,10 +313,8 @@ def grid_step_s(frame: pd.DataFrame) -> float:
     frame : a recording with contract columns.
     """
     median_s = np.median(np.diff(frame["t_s"].to_numpy(dtype=float)))
-    shortest_s, longest_s = (
-        settings.prepare.grid_step_shortest_s,
-        settings.design.coarsest_s,
-    )
+    shortest_s = settings.prepare.grid_step_shortest_s
+    longest_s = settings.design.coarsest_s
     return float(np.clip(median_s, shortest_s, longest_s))
 
 

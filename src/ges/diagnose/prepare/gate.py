@@ -212,11 +212,9 @@ def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
     if len(starts) < 3:
         return []
     ends = np.r_[starts[1:] - 1, finite[-1]]
-    usual, middle, sd = (
-        np.median(np.diff(t_s[starts])),
-        np.median(values[finite]),
-        np.std(values[finite]),
-    )
+    usual = np.median(np.diff(t_s[starts]))
+    middle = np.median(values[finite])
+    sd = np.std(values[finite])
     # a slow sensor holds too, and any signal has a largest value: all three marks make a limit
     long = t_s[ends] - t_s[starts] > settings.design.window_updates * usual
     extreme = np.isin(values[starts], (values[finite].min(), values[finite].max()))

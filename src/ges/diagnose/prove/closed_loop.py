@@ -99,10 +99,8 @@ def closed_loop(flights: Sequence[Prepared], models: Mapping[str, Model], length
     pieces: dict[str, dict[str, list[np.ndarray]]] = {}
     count = 0
     for flight in (f for f in flights if f.has("reference")):
-        windows, names = (
-            make_windows(flight.t_s, flight.flying, length_s),
-            _comparable_channels(flight),
-        )
+        windows = make_windows(flight.t_s, flight.flying, length_s)
+        names = _comparable_channels(flight)
         by_stage_errors = (
             {
                 stage: _closed_loop_errors(flight, windows, model, names)

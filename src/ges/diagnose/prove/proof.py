@@ -85,10 +85,8 @@ def prove(
     regimes = [
         regime_variables(f, w, models["after"]) for f, w in zip(flights, windows, strict=True)
     ]
-    errors_by_stage, rollout_errors = (
-        stage_errors(flights, models, channels, length_s),
-        rollout_errors_by_stage(flights, models),
-    )
+    errors_by_stage = stage_errors(flights, models, channels, length_s)
+    rollout_errors = rollout_errors_by_stage(flights, models)
     fit = {
         "metric": _metric_words(),
         "holdout_flights": list(held_out),

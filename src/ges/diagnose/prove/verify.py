@@ -260,10 +260,8 @@ def rollout_errors(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
     rolled = fly_rollouts(flight, model, n)
     if not len(rolled.starts):
         return {}
-    at, clock = (
-        np.linspace(0.0, n * flight.dt_s, len(horizon_times_s())),
-        np.arange(n + 1) * flight.dt_s,
-    )
+    at = np.linspace(0.0, n * flight.dt_s, len(horizon_times_s()))
+    clock = np.arange(n + 1) * flight.dt_s
     errors = {}
     for name in POSITION + VELOCITY:
         simulated = np.array([np.interp(at, r["t_s"] - r["t_s"][0], r[name]) for r in rolled.flown])

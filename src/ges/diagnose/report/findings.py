@@ -272,10 +272,8 @@ def _open(accepted: Accepted, name: str) -> Finding:
 
 def _search_estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
     """Parameters of one name from the search."""
-    posterior, units = (
-        accepted.result.best_with(name, accepted.rivals).posterior,
-        {p.name: p.unit for p in effect_table.get(name).parameters},
-    )
+    posterior = accepted.result.best_with(name, accepted.rivals).posterior
+    units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates: dict[str, Estimate] = {}
     for k, mean, sd in zip(posterior.columns, posterior.mean, posterior.sd, strict=True):
         column = accepted.regression.system.columns[k]

@@ -136,10 +136,8 @@ def _strip(
     for cell in cells:
         if cell["channel"] not in channels:
             continue
-        row, columns = (
-            channels.index(cell["channel"]),
-            range(bounds.index(cell["low"]), bounds.index(cell["high"])),
-        )
+        row = channels.index(cell["channel"])
+        columns = range(bounds.index(cell["low"]), bounds.index(cell["high"]))
         score[row, list(columns)] = _score(cell)
         if cell["q_value"] < SIGNIFICANT:
             axis.plot(np.mean(columns), row, "o", color="black", markersize=3.0)

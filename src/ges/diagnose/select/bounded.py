@@ -68,10 +68,8 @@ def _log_mass_jointly(
     factors, m, s = np.zeros((3, *mean.shape)), mean.copy(), covariance.copy()
     bounded = np.flatnonzero((np.isfinite(low) | np.isfinite(high)).any(axis=0))
     for i in np.tile(bounded, settings.numerics.bound_sweeps):
-        across, new = (
-            s[:, i].copy(),
-            _factor(m[:, i], s[:, i, i], low[:, i], high[:, i], *factors[:2, :, i]),
-        )
+        across = s[:, i].copy()
+        new = _factor(m[:, i], s[:, i, i], low[:, i], high[:, i], *factors[:2, :, i])
         tilt, weight, _ = new - factors[:, :, i]
         factors[:, :, i] = new
         # Sherman-Morrison: covariance and mean as the factor of one coefficient changes

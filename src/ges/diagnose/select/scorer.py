@@ -116,10 +116,8 @@ class FreedNuisances:
         """
         # given coefficients b the nuisances are N(mean - shift_per_unit b, C): the density at zero
         # is Gaussian in b, and adds moved^T C^-1 moved, moved^T C^-1 mean and a constant
-        mean, shift_per_unit = (
-            self.mean[freed],
-            self.shift_per_unit[freed[:, :, None], own[:, None, :]],
-        )
+        mean = self.mean[freed]
+        shift_per_unit = self.shift_per_unit[freed[:, :, None], own[:, None, :]]
         covariance = self.covariance[freed[:, :, None], freed[:, None, :]]
         solved = np.linalg.solve(
             covariance, np.concatenate([shift_per_unit, mean[:, :, None]], axis=2)

@@ -206,10 +206,8 @@ def log_evidence_over_plain(
     best : its best hypothesis.
     """
     listed = entries(regression, candidates)
-    scorer, chosen = (
-        set_scorer(regression, listed),
-        [next(e for e in listed if e.number == i) for i in best.variants],
-    )
+    scorer = set_scorer(regression, listed)
+    chosen = [next(e for e in listed if e.number == i) for i in best.variants]
     plain = [e for e in listed if not modifiers_of(_variant_of(regression, e))]
     # what nothing modifies stays; for each of the others all plain variants of its name
     options = [
