@@ -92,7 +92,7 @@ def test_a_vector_is_fitted_whole_where_the_search_needed_one_of_its_axes(
     variant = next(v for v in library(model)[effect].variants if len(v.amplitudes) == 1)
     regression = make_regression(build(flights, model, [variant]))
     found = posterior(
-        regression.pooled(), regression.by_variant()[effect, variant.key], regression.prior
+        regression.pool(), regression.by_variant()[effect, variant.key], regression.prior
     )
     chosen = Hypothesis((effect,), (0,), found, 0.0)
     assert free_parameters(regression, chosen, model, {effect: variant.parameters({})}) == [

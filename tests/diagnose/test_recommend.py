@@ -234,7 +234,7 @@ def test_a_real_flight_with_the_effect_shows_it_too(bare, null, judged):
 
 def _with_information(regression, share: float):
     return dataclasses.replace(
-        regression, by_flight=tuple(g.scaled(share) for g in regression.by_flight)
+        regression, by_flight=tuple(g.scale(share) for g in regression.by_flight)
     )
 
 

@@ -183,7 +183,7 @@ def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
 
 
 def _of_logs(request: Request, watch: Watch) -> Inputs:
-    logs, refused = _opened(request, watch)
+    logs, refused = _open_logs(request, watch)
     vehicle, vehicle_file, folder, made, remarks = _vehicle(request, logs)
     flights = {name: (path, log.frame()) for name, (path, log) in logs.items()}
     notes = [
@@ -209,7 +209,7 @@ def _of_logs(request: Request, watch: Watch) -> Inputs:
     return Inputs(recordings, hashes, vehicle_file, made)
 
 
-def _opened(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]], list[str]]:
+def _open_logs(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]], list[str]]:
     """Return logs by name of their flight with their files, and why others cannot serve."""
     logs, refused = {}, []
     for name, path in flight_names(request.sources).items():

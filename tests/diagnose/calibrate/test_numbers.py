@@ -119,12 +119,12 @@ def test_single_flights_of_several_days_tell_nothing_of_one_day():
 
 def test_spreads_are_pooled_by_their_degrees_of_freedom():
     worth = settings.calibrate.spread_freedom
-    alone = module._pooled(2.0, 0.0, 0.5)
+    alone = module._pool(2.0, 0.0, 0.5)
     assert alone.pooled == pytest.approx(0.5) and alone.freedom == worth
-    many = module._pooled(2.0, 1e9, 0.5)
+    many = module._pool(2.0, 1e9, 0.5)
     assert many.pooled == pytest.approx(2.0, rel=1e-6)
     assert many.later_sd == pytest.approx(2.0, rel=1e-4), "no Student's tail of so many"
-    assert module._pooled(2.0, worth, 0.0).pooled == pytest.approx(np.sqrt(2.0))
+    assert module._pool(2.0, worth, 0.0).pooled == pytest.approx(np.sqrt(2.0))
     assert alone.later_sd > 1.2 * alone.pooled
 
 

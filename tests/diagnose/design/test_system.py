@@ -10,7 +10,7 @@ import pytest
 from ges.conventions import BODY_RATE, command, rotor_speed
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import (
-    _stepped,
+    _step_parameter,
     build,
     common_channels,
     half_waves,
@@ -299,7 +299,7 @@ def test_a_system_knows_its_plain_channels_nuisances_and_blocks():
 def test_a_column_at_an_end_of_its_range_steps_inward(at, step):
     """A recalibration may have left a number there."""
     model = MODEL.with_effects({"inertia": {"xx": 0.0, "yy": 0.0, "zz": at}})
-    stepped, taken = _stepped(model, "inertia", {}, "zz", step)
+    stepped, taken = _step_parameter(model, "inertia", {}, "zz", step)
     assert taken == -step and stepped["inertia"]["zz"] == pytest.approx(at - step)
 
 

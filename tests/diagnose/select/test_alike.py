@@ -54,7 +54,7 @@ def test_the_odds_to_be_expected_grow_with_what_a_rival_leaves():
     regression, h, listed = _searched(angle)
     (place,) = (a for a in alike_of(regression, h, "weak_rotor", listed) if a.place)
     own = [h.posterior.columns[0]]
-    whole = regression.pooled().xx[own[0], own[0]] * h.posterior.mean[0] ** 2
+    whole = regression.pool().xx[own[0], own[0]] * h.posterior.mean[0] ** 2
     assert place.expected_log_odds == pytest.approx(0.5 * whole * np.sin(angle) ** 2, rel=0.3)
     assert place.values["weak_rotor.loss_2"] == pytest.approx(h.posterior.mean[0], rel=0.01)
     assert place.expected_log_odds < settings.statistics.acceptance_log_odds

@@ -57,7 +57,7 @@ def test_rows_counted_apart_and_together_are_the_same(seed):
     first, second = _gram(x[:20], y[:20]), _gram(x[20:], y[20:])
     _same(first + second, _gram(x, y))
     _same(first + second - second, first)
-    _same(_gram(x, y).scaled(2.0), _gram(np.vstack([x, x]), np.r_[y, y]))
+    _same(_gram(x, y).scale(2.0), _gram(np.vstack([x, x]), np.r_[y, y]))
 
 
 @given(SEEDS)
@@ -143,7 +143,7 @@ def _white(x, y, answer=None):
 
 def test_tempering_counts_every_window_by_a_share():
     x, y = _drawn(4)
-    _same(gram_of(_white(x, y), 0.25), _gram(x, y).scaled(0.25))
+    _same(gram_of(_white(x, y), 0.25), _gram(x, y).scale(0.25))
 
 
 def test_an_answer_of_unit_sd_is_integrated_out():
@@ -240,8 +240,8 @@ def test_all_flights_together_are_their_sum_with_common_nuisances_integrated_out
     regression = make_regression(_system(y, columns, [{0: x[0]}, {0: x[1]}]))
     total = sum(regression.by_flight[1:], regression.by_flight[0])
     at = np.array([0])
-    _same(regression.pooled(), total.about(at, np.array([0.2])).without(at, np.array([0.3])))
-    _same(regression.pooled((0,)), total)
+    _same(regression.pool(), total.about(at, np.array([0.2])).without(at, np.array([0.3])))
+    _same(regression.pool((0,)), total)
     known = whiten_system(regression.system, regression.noise)
     assert known.by_flight == () and known.prior.sd.tolist() == regression.prior.sd.tolist()
 
@@ -250,7 +250,7 @@ def test_the_order_of_flights_does_not_matter():
     rng = np.random.default_rng(2)
     y = [rng.standard_normal((100, 1)) for _ in range(3)]
     columns, acting = [amplitude("rotor_drag.k_kg")], [{0: rng.standard_normal(100)}]
-    _same(*(make_regression(_system(e, columns, acting)).pooled() for e in (y, y[::-1])))
+    _same(*(make_regression(_system(e, columns, acting)).pool() for e in (y, y[::-1])))
 
 
 def test_acts_are_columns_by_their_coefficients_of_the_names_that_are_asked():

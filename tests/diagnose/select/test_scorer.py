@@ -86,7 +86,7 @@ def test_sets_are_weighed_by_their_own_columns_whatever_else_is_listed():
     listed = entries(regression, _candidates(regression))
     on = set_scorer(regression, listed)
     sets = [(listed[0],), (listed[1], listed[2]), (listed[2], listed[0])]
-    gram = regression.pooled()
+    gram = regression.pool()
     told = on.log_evidences(sets)
     for chosen, value, found in zip(sets, told, on.posteriors(sets), strict=True):
         own = [k for e in chosen for k in e.columns]
@@ -114,7 +114,7 @@ def test_a_candidate_of_a_declared_number_takes_the_place_of_its_doubt(mean):
     regression = _regression(columns, planted=[(0, 0.2)])
     listed = {e.name: e for e in entries(regression, _candidates(regression))}
     on = set_scorer(regression, list(listed.values()))
-    without = regression.pooled((2,))
+    without = regression.pool((2,))
     null = posterior(without, [2], regression.prior)
     for names in (("thrust_scale",), ("thrust_scale", "tether")):
         chosen = [listed[n] for n in names]
@@ -125,5 +125,5 @@ def test_a_candidate_of_a_declared_number_takes_the_place_of_its_doubt(mean):
         np.testing.assert_allclose(told.mean, alone.mean, rtol=1e-6)
         np.testing.assert_allclose(told.covariance, alone.covariance, rtol=1e-6)
     (beside,) = on.posteriors([(listed["tether"],)])
-    kept = posterior(regression.pooled(), listed["tether"].columns, regression.prior)
+    kept = posterior(regression.pool(), listed["tether"].columns, regression.prior)
     assert beside.log_evidence == pytest.approx(kept.log_evidence), "the doubt takes part"

@@ -230,7 +230,7 @@ def smallest_detectable(
     fixed parameters), and ``limited_by``. The last is the rival that is hardest to separate, '' for
     noise.
     """
-    pooled, unit, given = regression.pooled(), _sizes(regression), found or {}
+    pooled, unit, given = regression.pool(), _sizes(regression), found or {}
     content: dict[str, dict[str, Any]] = {}
     for name, effect in given.items():
         alone = _sizes_given(regression, pooled, unit, {*given} - {name}, name)

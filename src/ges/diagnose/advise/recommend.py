@@ -257,7 +257,7 @@ def rank(
     model, keep = regression.system.model, _columns_in_use(regression, rivals)
     logged = [*_logged_columns([r.flight for r in regression.system.flights]), *also_logged]
     past = sum((g.take(keep) for g in regression.by_flight[1:]), regression.by_flight[0].take(keep))
-    past = past.scaled(0.0) if also_logged else past
+    past = past.scale(0.0) if also_logged else past
     now = _log_evidence(regression, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
     labels, options = _labels(rivals), []

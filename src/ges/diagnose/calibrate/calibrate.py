@@ -480,17 +480,17 @@ def _fit_spreads(balance: _Trims, start: np.ndarray, usual: float) -> _Spreads:
     # each flight beyond the first of its session shows one deviation in every balance
     freedom = balances * (flights - len(sessions))
     # flights first, sessions held at their usual spread
-    within = _pooled(
+    within = _pool(
         most_likely(None, usual if several else 0.0) if freedom else np.nan, freedom, alike
     )
     if not several:
         return within, _Spread(np.nan, 0.0, settings.calibrate.spread_freedom)
     # then sessions, given by how much flights differ
     between = most_likely(within.pooled, None)
-    return within, _pooled(between, balances * (len(sessions) - 1), usual)
+    return within, _pool(between, balances * (len(sessions) - 1), usual)
 
 
-def _pooled(estimate: float, freedom: float, usual: float) -> _Spread:
+def _pool(estimate: float, freedom: float, usual: float) -> _Spread:
     """Return the estimated and the usual spread, weighted by their degrees of freedom."""
     # scaled inverse chi-squared: (n s^2 + n0 s0^2) / (n + n0); no freedom, no word (s is nan)
     worth = settings.calibrate.spread_freedom
@@ -499,7 +499,7 @@ def _pooled(estimate: float, freedom: float, usual: float) -> _Spread:
     return _Spread(estimate, float(np.sqrt((own + worth * usual**2) / total)), total)
 
 
-def _scaled(quantity: Quantity, number: Number) -> Quantity:
+def _scale(quantity: Quantity, number: Number) -> Quantity:
     """Return a quantity after a relative correction, with the sd of later flights."""
     return Quantity(
         value=quantity.value * (1.0 + number.value), sd=abs(quantity.value) * number.later_sd
@@ -524,7 +524,7 @@ def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
                 update={axis: own, "sd_rel": max(sd_so_far, later_sd)}
             )
         elif corrections[0][0].unit == "1":
-            update[name] = _scaled(current, corrections[0][1])
+            update[name] = _scale(current, corrections[0][1])
         else:
             shift = float(np.mean([n.value for _, n in corrections]))
             update[name] = Quantity(value=current.value + shift, sd=later_sd)

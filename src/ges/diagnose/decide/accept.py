@@ -121,7 +121,7 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
         passing = apply_rules(SEARCH_RULES, context, sorted(result.inclusion), record)
         passing = tuple(n for n in result.best.names if n in passing)
         if not selection.names:
-            contested = _contested(context, record)
+            contested = _contested_names(context, record)
             alike = {n: context.alike(n) for n in passing}
         modifiers = _probable_modifiers(regression, result, listed, passing, only)
         new, polished = _fit_significant(
@@ -140,7 +140,7 @@ def accept(start: Regression, record: Record, only: Sequence[str] | None = None)
         probability = {
             n: modifiers[n].probability if n in modifiers else result.inclusion[n] for n in new
         }
-        selection = selection.extended(new, polished, probability)
+        selection = selection.extend(new, polished, probability)
         if only is None:
             # the wind is known only now; the forms that the search chose were for still air
             selection = _with_best_forms_in_wind(selection, system, record)
@@ -182,7 +182,7 @@ class _Selection:
     fitted: Fitted | None
     probability: dict[str, float]
 
-    def extended(
+    def extend(
         self, new: tuple[str, ...], fitted: Fitted, probability: Mapping[str, float]
     ) -> _Selection:
         """Add the names of a round."""
@@ -201,7 +201,7 @@ def _with_best_forms_in_wind(selection: _Selection, system: System, record: Reco
     )
 
 
-def _contested(context: RuleContext, record: Record) -> set[str]:
+def _contested_names(context: RuleContext, record: Record) -> set[str]:
     """Names that could not be separated from others, and those others."""
     result = context.result
     undone = [

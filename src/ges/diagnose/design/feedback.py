@@ -232,7 +232,7 @@ class _Channel:
     length_s: float
     rates_measured: bool
 
-    def unexplained(self, x: np.ndarray, mean_counts: bool) -> np.ndarray:
+    def remainder(self, x: np.ndarray, mean_counts: bool) -> np.ndarray:
         """Return columns (a, k) minus what instruments explain.
 
         Their mean is subtracted where it counts in full.
@@ -242,12 +242,12 @@ class _Channel:
             return rest
         return rest - project(x, self.instruments.z[self.name])
 
-    def fast_unexplained(self, x: np.ndarray) -> np.ndarray:
+    def fast_remainder(self, x: np.ndarray) -> np.ndarray:
         """Fast changes of columns (a, k) that instruments do not explain.
 
         Slow changes balance a height, a climb, a load, and respond to no turbulence.
         """
-        rest = self.unexplained(x, mean_counts=True)
+        rest = self.remainder(x, mean_counts=True)
         # a high pass; its width in windows, which stand half a length apart
         width = settings.design.answer_slowest_s / (0.5 * self.length_s)
         return rest - gaussian_filter1d(rest, width, axis=0)
@@ -257,7 +257,7 @@ class _Channel:
         thrust = self.instruments.signal[self.name]
         # where thrust all but vanishes, as in a drop, the share would be endless
         least = settings.prepare.descent_share * thrust.mean()
-        return self.fast_unexplained(thrust[:, None]) / np.maximum(thrust, least)[:, None]
+        return self.fast_remainder(thrust[:, None]) / np.maximum(thrust, least)[:, None]
 
 
 Part = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray | None]
@@ -267,7 +267,7 @@ def _dynamic(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarra
     """All that instruments do not explain; the mean along thrust counts in full."""
     if not _is_balance(channel):
         return None
-    return channel.unexplained(x, mean_counts=channel.name in VERTICAL)
+    return channel.remainder(x, mean_counts=channel.name in VERTICAL)
 
 
 def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
@@ -287,7 +287,7 @@ def _rotor_in_roll_and_pitch(
     """Return changes of its moment."""
     if not _is_balance(channel) or not channel.name.startswith(ROLL_PITCH):
         return None
-    return channel.unexplained(x, mean_counts=True)
+    return channel.remainder(x, mean_counts=True)
 
 
 def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
@@ -300,13 +300,13 @@ def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.n
     seen = channel.rates_measured or not mark_of(channel.name)
     if not _is_balance(channel) or not channel.name.startswith(YAW) or seen:
         return None
-    return channel.unexplained(x, mean_counts=True)
+    return channel.remainder(x, mean_counts=True)
 
 
 def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
     """Fast changes along thrust."""
     known = channel.name in channel.instruments.strength
-    return channel.fast_unexplained(x) if known and channel.name in VERTICAL else None
+    return channel.fast_remainder(x) if known and channel.name in VERTICAL else None
 
 
 def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
@@ -314,7 +314,7 @@ def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray 
     known = channel.name in channel.instruments.strength
     if not known or block_of(channel.name) != DRIVE:
         return None
-    return channel.unexplained(x, mean_counts=True)
+    return channel.remainder(x, mean_counts=True)
 
 
 def _height(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:

@@ -126,7 +126,7 @@ def instruments(
     if reference_flight is not None:
         signals = _thrust_and_moments(flight, model, reference_flight)
         by_channel = {
-            base: _lagged(values, flight, windows, near) for base, values in signals.items()
+            base: _delayed_copies(values, flight, windows, near) for base, values in signals.items()
         }
         # velocity and accelerometer show one thrust
         by_channel["acc_z"] = by_channel["force_z"]
@@ -136,7 +136,8 @@ def instruments(
         ]
         commands = zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
         by_channel |= {
-            name: [*_lagged(u, flight, windows, APART), *of_references] for name, u in commands
+            name: [*_delayed_copies(u, flight, windows, APART), *of_references]
+            for name, u in commands
         }
     columns = {
         name: np.column_stack(_centred_means(by_channel[base], functions[mark_of(name)][0]))
@@ -204,7 +205,7 @@ def mark_of(name: str) -> str:
     return name[len(name.split("/")[0]) :]
 
 
-def _lagged(
+def _delayed_copies(
     values: np.ndarray, flight: Prepared, windows: Windows, lags: Iterable[int]
 ) -> list[np.ndarray]:
     """Return a signal delayed by multiples of half a window."""

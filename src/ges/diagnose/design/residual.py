@@ -286,7 +286,7 @@ def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
     """Commands, attitude, battery voltage and rates, one row for each step of the drive."""
     every = flight.steps(settings.numerics.step_s)
-    u = _between(commands, every, flight.command_hold.delay_rows)
+    u = _at_step_middles(commands, every, flight.command_hold.delay_rows)
     voltage = flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
     # motors alone are flown: attitude is imposed level and at rest
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
@@ -331,7 +331,7 @@ def _drive_flight(
     return sim.Flight(numbers, drives, Terrain.flat(), inputs)
 
 
-def _between(u: np.ndarray, every: int, delay_rows: float) -> np.ndarray:
+def _at_step_middles(u: np.ndarray, every: int, delay_rows: float) -> np.ndarray:
     """Commands (n * every, rotors) at the middles of the steps, ``delay_rows`` late.
 
     They are interpolated between the samples (n, rotors). Commands that are held act later, see

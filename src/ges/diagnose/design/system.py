@@ -397,7 +397,7 @@ def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...
     )
 
 
-def _stepped(
+def _step_parameter(
     model: Model, effect: str, values: Mapping[str, float], parameter: str, step: float
 ) -> tuple[dict, float]:
     """Return an effect with one parameter a step further, and that step.
@@ -427,11 +427,11 @@ def _reference(model: Model, column: DesignColumn) -> dict:
 def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
-        return _stepped(model, n.effect, {}, n.parameter, n.step)
+        return _step_parameter(model, n.effect, {}, n.parameter, n.step)
     variant = variant_of(column)
     a = variant.amplitudes[column.amplitude]
     values = variant.parameters({}) if variant.effect not in model.effects else {}
-    stepped, step = _stepped(model, variant.effect, values, a.parameter, a.step)
+    stepped, step = _step_parameter(model, variant.effect, values, a.parameter, a.step)
     return {**variant.given, **stepped}, step
 
 
@@ -595,9 +595,8 @@ def flight_rows(
         outputs = _replay_additions(flight, model, base, _additions(model, (c for _, c in batch)))
         values |= {of: dataclasses.replace(evaluator, outputs=outputs).column(c) for of, c in batch}
     x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
-    y = np.where(
-        x.finite() & (air[:, None] | driven), y, np.nan
-    )  # a beam that tilted a little further would see no ground
+    # a beam that tilted a little further would see no ground
+    y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)
     # what is constant in a moment, or goes with this thrust, is a trim
     keys = [c.key for c in columns]
     thrust = model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1)

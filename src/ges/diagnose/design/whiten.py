@@ -165,7 +165,7 @@ def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
     return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
 
 
-def _lagged(
+def _rows_with_past(
     residual: np.ndarray, run: np.ndarray, order: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows with a full past, their value and their past."""
@@ -240,7 +240,7 @@ def _disturbance_size(
     sizes = [
         np.sqrt(np.mean((value - past @ ar) ** 2))
         for _, value, past in (
-            _lagged(e, run, len(ar)) for e, run in zip(residuals, runs, strict=True)
+            _rows_with_past(e, run, len(ar)) for e, run in zip(residuals, runs, strict=True)
         )
         if len(value)
     ]
@@ -262,7 +262,8 @@ def _channel_noise(
     """AR coefficients, innovation sd and growth of one channel's residuals by flight."""
     order = settings.noise.autoregression_order
     pieces = [
-        (*_lagged(e, run, order), u) for e, run, u in zip(residuals, runs, covariate, strict=True)
+        (*_rows_with_past(e, run, order), u)
+        for e, run, u in zip(residuals, runs, covariate, strict=True)
     ]
     value, past = np.concatenate([p[1] for p in pieces]), np.concatenate([p[2] for p in pieces])
     # too few rows for a filter: none, and a unit sd
@@ -359,9 +360,8 @@ def _whiten_flight(
 ) -> tuple[dict[int, WhitePart], dict[tuple[str, int], np.ndarray]]:
     """Whitened parts by channel, and whitened endogenous parts by kind and channel."""
     run, parts, endogenous = _run(rows.follows), {}, {}
-    later = (
-        rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
-    )  # replays settle from a start that they guess
+    # replays settle from a start that they guess
+    later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
     opening = later & ~rows.air
     for c, weights in enumerate(filters):
         past = _past(rows.y[:, c], run)

@@ -87,10 +87,10 @@ def contributions_of(
     bare = {k: v for k, v in effects.items() if k != name}
     bare |= {name: nominal.effects[name]} if name in nominal.effects else {}
     model = dataclasses.replace(system.model, effects=effects)
-    return [_added(rows, bare, model, system.main) for rows in system.flights]
+    return [_contribution_of_flight(rows, bare, model, system.main) for rows in system.flights]
 
 
-def _added(
+def _contribution_of_flight(
     rows: FlightRows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
 ) -> np.ndarray:
     """Return the residual with these effects less that with the model's, (m, C).

@@ -117,7 +117,8 @@ def joint_fit(
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
         yy += gram.yy
-    unit = 1.0 / np.sqrt(np.diag(xx))  # coefficients differ by many orders in their units
+    # coefficients differ by many orders in their units
+    unit = 1.0 / np.sqrt(np.diag(xx))
     inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
     beta = inverse @ xy
     # only common numbers are bounded; most fits stay inside, and only others pay for a search

@@ -210,9 +210,8 @@ def _visited_squares(
     """
     while True:
         corner = np.floor(plan / square)
-        cells = np.unique(
-            corner[:, 0] + 1j * corner[:, 1]
-        )  # in the order of rows, and several times as fast
+        # in the order of rows, and several times as fast
+        cells = np.unique(corner[:, 0] + 1j * corner[:, 1])
         if len(cells) <= settings.library.places_most:
             return (
                 tuple(

@@ -76,12 +76,14 @@ def candidate_places(system: System) -> list[tuple[float, float, float]]:
     across = max(float(np.ptp(x)), float(np.ptp(y)))
     found = []
     for halved in (2, 3, 4) if across > 0.0 else ():
-        width = _round(across / 2**halved)
+        width = _round_place(across / 2**halved)
         cells = {
             (round(a / width), round(b / width))
             for a, b in zip(x.tolist(), y.tolist(), strict=True)
         }
-        found += [(_round(a * width), _round(b * width), width) for a, b in sorted(cells)]
+        found += [
+            (_round_place(a * width), _round_place(b * width), width) for a, b in sorted(cells)
+        ]
     return found
 
 
@@ -112,7 +114,7 @@ def neighbouring_terms(term: Term, system: System) -> list[Term]:
     x, y, width = term.near_m
     steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.5, 1.0, 2.0))
     places = [
-        (_round(x + i * width), _round(y + j * width), _round(k * width)) for i, j, k in steps
+        (_round_place(x + i * width), _round_place(y + j * width), _round_place(k * width)) for i, j, k in steps
     ]
     along_x, along_y = _ground_track(system)
     return [
@@ -122,7 +124,7 @@ def neighbouring_terms(term: Term, system: System) -> list[Term]:
     ]
 
 
-def _round(value: float) -> float:
+def _round_place(value: float) -> float:
     """Round to three digits: places are known no better, and people read them."""
     return float(f"{value:.3g}")
 

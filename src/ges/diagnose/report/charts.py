@@ -46,7 +46,7 @@ def _flight(t: Trace) -> dict[str, Any]:
                 "block": block_of(name),
                 "label": channel_words(name),
                 "unit": unit_words(name),
-                **_packed(
+                **_pack(
                     {
                         "recorded": t.recorded[:, c],
                         **{stage: values[:, c] for stage, values in t.simulated.items()},
@@ -58,7 +58,7 @@ def _flight(t: Trace) -> dict[str, Any]:
     }
 
 
-def _packed(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _pack(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Signals (n,) of one channel as 16-bit numbers, little-endian, base64.
 
     The value is ``low`` + ``step`` * (number + 32767), :data:`MISSING` where there is none.

@@ -73,8 +73,8 @@ def compare(
         "errors": [*_errors(_channels(first), _channels(second), "")]
         + [
             *_errors(
-                _rolled(first),
-                _rolled(second),
+                _rollout_channels(first),
+                _rollout_channels(second),
                 f", {number_words(first['fit']['rollout'].get('horizon_s', 1.0), 2)} s ahead",
             )
         ],
@@ -120,7 +120,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
             "name": plain(key[0]) + (f", {key[1]}" if key[1] else ""),
             "title": named.get("title", ""),
             "state": "both" if all(pair) else "first only" if pair[0] else "second only",
-            "each": [_one(f, c, key) for f, c in zip(pair, (first, second), strict=True)],
+            "each": [_finding_words(f, c, key) for f, c in zip(pair, (first, second), strict=True)],
             "parameters": [_parameter(name, pair) for name in parameters],
         }
 
@@ -148,7 +148,9 @@ def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[
         }
 
 
-def _one(f: Mapping[str, Any] | None, content: Mapping[str, Any], key: tuple[str, str]) -> str:
+def _finding_words(
+    f: Mapping[str, Any] | None, content: Mapping[str, Any], key: tuple[str, str]
+) -> str:
     """Return a finding in a few words; how probable it was where it is absent."""
     if f is None:
         considered = {(c["name"], c.get("place", "")): c for c in content.get("considered", ())}
@@ -204,7 +206,7 @@ def _channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return content["fit"]["channels"]
 
 
-def _rolled(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+def _rollout_channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return (content["fit"].get("rollout") or {}).get("channels", {})
 
 

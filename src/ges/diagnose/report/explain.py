@@ -83,7 +83,9 @@ def _overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
             numbers=NUMBERS,
         )
         for c in rows:
-            table.add_row(_effect(c), probability_words(c["probability"]), *_failed(c["failed"]))
+            table.add_row(
+                _effect(c), probability_words(c["probability"]), *_decision_cells(c["failed"])
+            )
         yield table
     elif "considered" not in content:
         yield Text("\nthis diagnosis keeps no record of its decisions; diagnose the flights again")
@@ -95,7 +97,7 @@ def _overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
         yield table
 
 
-def _failed(decision: Mapping[str, Any] | None) -> tuple[str, str, str, str]:
+def _decision_cells(decision: Mapping[str, Any] | None) -> tuple[str, str, str, str]:
     if decision is None:
         return "none", "", "", ""
     return (
@@ -139,7 +141,7 @@ def _as_considered(content: Mapping[str, Any], name: str) -> Iterator[Renderable
             yield Text(f"\n{_effect(c)}: considered and not named, probability {chance}")
         table = table_of("rule", "", "statistic", "asked", "why", numbers=NUMBERS)
         for d in c["decisions"]:
-            rule, statistic, asked, why = _failed(d)
+            rule, statistic, asked, why = _decision_cells(d)
             table.add_row(rule, "passed" if d["passed"] else "failed", statistic, asked, why)
         yield table
 

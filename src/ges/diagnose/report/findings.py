@@ -246,10 +246,10 @@ def open_findings(accepted: Accepted) -> list[Finding]:
     ----------
     accepted : names and fits; without a fit of a name its coefficient from the search counts.
     """
-    return [_open(accepted, name) for name in accepted.rivals]
+    return [_open_finding(accepted, name) for name in accepted.rivals]
 
 
-def _open(accepted: Accepted, name: str) -> Finding:
+def _open_finding(accepted: Accepted, name: str) -> Finding:
     fitted, inclusion = accepted.alternatives.get(name), accepted.result.inclusion
     # one of them is needed: a set that has two makes neither surer than the other lets it be
     chance = calibrated_probability(

@@ -26,12 +26,13 @@ from ges.diagnose.types.words import (
 )
 
 STAGES = ("before", "recalibrated", "names_only", "after")
+# Okabe and Ito's colour-blind safe set
 COLOURS = {
     "before": "#999999",
     "recalibrated": "#56B4E9",
     "names_only": "#009E73",
     "after": "#D55E00",
-}  # Okabe and Ito's colour-blind safe set
+}
 # grey, hatched and full, dotted, dashed and solid: stages differ in black and white, too
 HATCHES = {"before": "", "recalibrated": "///", "names_only": "...", "after": ""}
 LINES = {"before": ":", "recalibrated": "--", "names_only": "-.", "after": "-"}

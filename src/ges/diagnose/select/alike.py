@@ -55,7 +55,7 @@ def alike_of(
     own = [i for i, k in enumerate(found.columns) if variant_of(columns[k]).effect == name]
     mine, b = [found.columns[i] for i in own], found.mean[own]
     others = np.array([k for k in found.columns if k not in mine], dtype=int)
-    gram = regression.pooled().without(others, regression.prior.sd[others])
+    gram = regression.pool().without(others, regression.prior.sd[others])
     # log odds over nothing that the name is expected to have, but for the size that it took
     over_nothing = 0.5 * float(b @ gram.xx[np.ix_(mine, mine)] @ b)
     size = _unlikely(regression, mine, b)

@@ -120,7 +120,6 @@ def _moments_within(
     at_low, at_high = (np.exp(-0.5 * x**2 - log_root - size) for x in (low, high))
     ends = [np.where(np.isfinite(x), x, 0.0) * at for x, at in ((low, at_low), (high, at_high))]
     mean, beyond, width = at_low - at_high, np.maximum(np.maximum(low, -high), 0.0), high - low
-    least = 0.5 * np.minimum(
-        1.0 / (7.0 + beyond**2), width**2 / 12.0
-    )  # rounding leaves less of it far beyond a bound
+    # rounding leaves less of it far beyond a bound
+    least = 0.5 * np.minimum(1.0 / (7.0 + beyond**2), width**2 / 12.0)
     return mean, np.clip(1.0 + ends[0] - ends[1] - mean**2, least, 1.0)

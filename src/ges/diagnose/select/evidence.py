@@ -48,7 +48,7 @@ class Gram:
     def __sub__(self, other: Gram) -> Gram:
         return Gram(self.xx - other.xx, self.xy - other.xy, self.yy - other.yy, self.n - other.n)
 
-    def scaled(self, factor: float) -> Gram:
+    def scale(self, factor: float) -> Gram:
         """Return the normal equations with every row counted several times.
 
         Parameters
@@ -123,7 +123,7 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
 
 
 def _gram_of_part(part: WhitePart, tempering: float) -> Gram:
-    gram, errors = Gram(*part.products, float(len(part.at))).scaled(tempering), part.feedback_errors
+    gram, errors = Gram(*part.products, float(len(part.at))).scale(tempering), part.feedback_errors
     if not errors.shape[1]:
         return gram
     inner, cross, right = errors.T @ errors, part.x.T @ errors, errors.T @ part.y
@@ -382,14 +382,14 @@ class Regression:
                 columns.setdefault((column.variant.effect, column.variant.key), []).append(k)
         return columns
 
-    def pooled(self, but: Collection[int] = ()) -> Gram:
+    def pool(self, but: Collection[int] = ()) -> Gram:
         """Return the normal equations of all flights, with common nuisances integrated out.
 
         Parameters
         ----------
         but : numbers of nuisance columns that stay.
         """
-        total = self.by_flight[0].scaled(0.0)
+        total = self.by_flight[0].scale(0.0)
         for gram in self.by_flight:
             total = total + gram
         # what has no sd over vehicles has nothing to integrate out, and 1 / sd^2 no value

@@ -260,7 +260,7 @@ def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:
         if regression.prior.sd[k] > 0 and columns[k].key in keys
     }
     return SetScorer(
-        regression.pooled(),
+        regression.pool(),
         regression.prior,
-        _freed_nuisances(regression.pooled(frozenset(at.values())), regression.prior, at),
+        _freed_nuisances(regression.pool(frozenset(at.values())), regression.prior, at),
     )

@@ -232,7 +232,7 @@ class Diagnosis:
         A mapping of plain JSON values: six significant digits, None for a number that is not
         finite.
         """
-        return cleaned(
+        return json_values(
             {
                 "schema": 1,
                 "verdict": self.verdict,
@@ -262,7 +262,7 @@ def _numbers(parameters: Mapping[str, Estimate]) -> str:
     )
 
 
-def cleaned(value: Any) -> Any:
+def json_values(value: Any) -> Any:
     """Convert a value to plain JSON.
 
     Parameters
@@ -274,9 +274,9 @@ def cleaned(value: Any) -> Any:
     The same with floats of six significant digits; None in place of NaN and infinity.
     """
     if isinstance(value, Mapping):
-        return {str(k): cleaned(v) for k, v in value.items()}
+        return {str(k): json_values(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [cleaned(v) for v in value]
+        return [json_values(v) for v in value]
     # numpy's scalars are not JSON's
     if hasattr(value, "item"):
         value = value.item()
