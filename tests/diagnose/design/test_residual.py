@@ -10,7 +10,7 @@ import pytest
 from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.design.residual import (
     acting_speeds,
-    change_drive,
+    affects_drive,
     commanded_speeds,
     depend_on_path_alone,
     evaluate,
@@ -286,8 +286,8 @@ def test_faster_test_functions_are_asked_of_moments_and_drives_alone():
 
 def test_what_changes_speeds_and_what_remembers_its_path_are_known():
     cushion = {"ground_effect": {}}
-    assert change_drive({"motor_lag": {}}) and not change_drive(cushion)
-    assert change_drive(cushion, {"actuator_mapping": {}}), "a mapping that is on acts upon it"
+    assert affects_drive({"motor_lag": {}}) and not affects_drive(cushion)
+    assert affects_drive(cushion, {"actuator_mapping": {}}), "a mapping that is on acts upon it"
     assert depend_on_path_alone({"slung_load": {}}, {})
     assert not depend_on_path_alone({"slung_load": {}, "attitude_bias": {}}, {})
     assert not depend_on_path_alone({"rotor_drag": {}}, {})

@@ -427,7 +427,7 @@ def _as_if_commanded(
     ).rotor_command_rad_s
 
 
-def change_drive(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
+def affects_drive(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
     """Return whether effects change the rotor speeds.
 
     Parameters
@@ -605,7 +605,7 @@ def evaluate(
     if drive is None:
         drive = (
             reuse.drive
-            if reuse and not change_drive(extra_effects or {}, model.effects)
+            if reuse and not affects_drive(extra_effects or {}, model.effects)
             else fly_drives(flight, model, [effects], names)[0]
         )
     motion = (
@@ -695,7 +695,7 @@ def depend_on_path_alone(effects: effect_table.Effects, on: effect_table.Effects
     on : effects that are on.
     """
     remembers = any(effect_table.get(name).remembers_the_path for name in effects)
-    return remembers and not _turning_faults(effects) and not change_drive(effects, on)
+    return remembers and not _turning_faults(effects) and not affects_drive(effects, on)
 
 
 def _reused_output(

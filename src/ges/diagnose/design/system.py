@@ -22,7 +22,7 @@ from ges.diagnose.design.feedback import (
 from ges.diagnose.design.residual import (
     Drive,
     Evaluation,
-    change_drive,
+    affects_drive,
     depend_on_path_alone,
     evaluate,
     fly_drives,
@@ -421,7 +421,7 @@ def _reference(model: Model, column: DesignColumn) -> dict:
     if variant is None or variant.effect in model.effects:
         return {}
     neutral = {**variant.given, variant.effect: variant.parameters({})}
-    return neutral if change_drive(neutral) or variant.given else {}
+    return neutral if affects_drive(neutral) or variant.given else {}
 
 
 def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
@@ -524,7 +524,7 @@ def _fly_additions(
     sets = {
         name: model.with_effects(e).effects
         for name, e in added.items()
-        if change_drive(e, model.effects)
+        if affects_drive(e, model.effects)
     }
     return (
         dict(zip(sets, fly_drives(flight, model, list(sets.values()), here), strict=True))

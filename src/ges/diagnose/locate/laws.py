@@ -114,7 +114,8 @@ def neighbouring_terms(term: Term, system: System) -> list[Term]:
     x, y, width = term.near_m
     steps = itertools.product((-0.5, 0.0, 0.5), (-0.5, 0.0, 0.5), (0.5, 1.0, 2.0))
     places = [
-        (_round_place(x + i * width), _round_place(y + j * width), _round_place(k * width)) for i, j, k in steps
+        (_round_place(x + i * width), _round_place(y + j * width), _round_place(k * width))
+        for i, j, k in steps
     ]
     along_x, along_y = _ground_track(system)
     return [
