@@ -231,7 +231,7 @@ def _open_logs(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Lo
 def _vehicle(
     request: Request, logs: Mapping[str, tuple[Path, Log]]
 ) -> tuple[Vehicle, dict[str, str], Path, str, Sequence[str]]:
-    """Vehicle, its file and hash, and the folder of its height map.
+    """Return vehicle, its file and hash, and the folder of its height map.
 
     For one made from the first log also its text and remarks.
     """

@@ -102,7 +102,7 @@ def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> l
 
 
 def _largest_gain(regression: Regression) -> np.ndarray:
-    """Upper bound (K,) of evidence per squared unit of every column's coefficient.
+    """Return the upper bound (K,) of evidence per squared unit of every column's coefficient.
 
     A nuisance of the same key explains it at the price of its prior. Without the bound, differences
     between linearisations would count as evidence without end.
@@ -150,7 +150,9 @@ def expected_evidence(
 
 
 def _size_exceeding(price: float, per_square: float) -> float:
-    """Size from which evidence ``per_square size^2`` exceeds a price in most sets of flights.
+    """Return the size at which evidence ``per_square size^2`` exceeds a price.
+
+    It has to do so in most sets of flights. Its noise grows with the size.
 
     Its noise grows with the size.
     """
@@ -167,7 +169,9 @@ def _size_exceeding(price: float, per_square: float) -> float:
 def _detectable_size(
     shape: _Shape, truth: int, others: Sequence[_Shape], log_odds: float
 ) -> tuple[float, str]:
-    """Size of the true coefficient at which its evidence beats nothing and every other effect.
+    """Return the size of the true coefficient at which its evidence wins.
+
+    It beats nothing and every other effect.
 
     Infinite, with the name of the effect that hides it, where one does.
     """
@@ -254,7 +258,10 @@ def _sizes_given(
     given: Collection[str],
     only: str | None,
 ) -> dict[str, list[_Entry]]:
-    """Smallest sizes of one effect (of all where None) by shape, those ``given`` being free."""
+    """Return the smallest sizes of one effect (of all where None) by shape.
+
+    Effects that are ``given`` are free.
+    """
     free = np.array(
         [
             k
@@ -276,7 +283,7 @@ def _sizes_given(
 
 
 def _is_reported(column: DesignColumn) -> bool:
-    """Whether a column has a size: the main part of effects that nothing modifies."""
+    """Return whether a column has a size: the main part of effects that nothing modifies."""
     return column.part != "moment" and not modifiers_of(variant_of(column))
 
 

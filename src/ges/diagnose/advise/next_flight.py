@@ -80,7 +80,7 @@ def _with_voltage(thrust: UnmeasuredThrust) -> dict:
 
 
 def _columns(regression: Regression, names: Sequence[str]) -> tuple[int, ...]:
-    """Columns of these effects in the regression."""
+    """Return columns of these effects in the regression."""
     return tuple(
         k
         for (name, _), columns in regression.by_variant().items()

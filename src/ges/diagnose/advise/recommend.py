@@ -138,7 +138,7 @@ def open_sets(result: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
 
 
 def _logged_columns(flights: Sequence[Prepared]) -> list[str]:
-    """Columns that every recording had, without derived ones."""
+    """Return columns that every recording had, without derived ones."""
     made = {name for f in flights for stream in f.derived for name in f.streams[stream]}
     common = set.intersection(*(set(f.columns) for f in flights)) - made
     return ["t_s", *sorted(common & {*sim.columns(MAX_ROTORS), *READINGS, "ground_z_m"})]
@@ -186,13 +186,13 @@ def simulate(
 
 
 def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarray:
-    """Numbers of the nuisance columns in use and of the rivals' columns."""
+    """Return numbers of the nuisance columns in use and of the rivals' columns."""
     used = [k for k in regression.nuisance if regression.prior.sd[k] > 0]
     return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
 
 
 def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
-    """Return normal equations of one more flight, in the noise of the flights so far."""
+    """Return the normal equations of one more flight, in the noise of the flights so far."""
     system, columns = regression.system, [regression.system.columns[k] for k in keep]
     made = flight_rows(
         flight, system.model, system.names, columns, system.flights[0].windows.length_s
@@ -208,7 +208,7 @@ def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
 def _log_evidence(
     regression: Regression, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]
 ) -> np.ndarray:
-    """Log evidence of every rival on these normal equations."""
+    """Return log evidence of every rival on these normal equations."""
     place = {int(k): i for i, k in enumerate(keep)}
     # nuisances are integrated out once, of all flights together: they are the same in each rival
     drop = np.array([place[int(k)] for k in keep if k in set(regression.nuisance)], dtype=int)
@@ -219,18 +219,21 @@ def _log_evidence(
 
 
 def _lead(evidence: np.ndarray, truth: int) -> float:
-    """Lead of the true rival over the best other, in log evidence."""
+    """Return the lead of the true rival over the best other, in log evidence."""
     return float(evidence[truth] - np.delete(evidence, truth).max())
 
 
 def _expected_lead(chance: np.ndarray, leads: Sequence[float]) -> float:
-    """Lead of the true rival averaged over probabilities, capped where it settles the question."""
+    """Return the lead of the true rival averaged over probabilities.
+
+    It is capped where it settles the question.
+    """
     # a lead beyond what settles the question is worth no more than that
     return float(chance @ np.minimum(leads, settings.advise.settled_log_odds))
 
 
 def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
-    """Names of each rival that not all of them have."""
+    """Return names of each rival that not all of them have."""
     shared = set.intersection(*(set(r.names) for r in rivals))
     return tuple("+".join(n for n in r.names if n not in shared) or "nothing more" for r in rivals)
 

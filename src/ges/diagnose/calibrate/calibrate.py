@@ -152,7 +152,7 @@ def _with_free_trims(model: Model, flights: Sequence[Prepared]) -> Model:
 
 
 def _drive_effects() -> list[Effect]:
-    """Effects on what turns commands into thrust that correct no number of the vehicle file."""
+    """Return effects of the drive that correct no number of the vehicle file."""
     return [
         e
         for e in effect_table.table().values()
@@ -162,7 +162,7 @@ def _drive_effects() -> list[Effect]:
 
 
 def _commands_alone(flights: Sequence[Prepared]) -> bool:
-    """Whether thrust is known from commands alone."""
+    """Return whether thrust is known from commands alone."""
     return not any(f.has("rotor_speed") for f in flights)
 
 
@@ -221,7 +221,7 @@ def _trim_balance(system: System, session: Sequence[int]) -> _Trims:
 
 
 def _usual_spread(key: str, keys: Sequence[str]) -> float:
-    """Usual spread of a trim: a share of how far it may be off.
+    """Return the usual spread of a trim: a share of how far it may be off.
 
     It applies to every motor's gain and the cant, or to the thrust where motors cannot be
     separated.
@@ -258,7 +258,7 @@ def _posterior(
     flight_sd: np.ndarray,
     session_sd: np.ndarray,
 ) -> _SessionPosterior:
-    """Posterior of common numbers under N(prior_mean, prior_sd^2).
+    """Return the posterior of common numbers under N(prior_mean, prior_sd^2).
 
     Deviations N(0, session_sd^2) of every session and N(0, flight_sd^2) of every flight are
     integrated out.
@@ -282,7 +282,7 @@ def _posterior(
 
 
 def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
-    """Matrix that moves common patterns of the losses into the number that does the same.
+    """Return matrix that moves common patterns of the losses into the number that does the same.
 
     Their mean goes into the thrust scale. Their yaw, of rotors that turn one way against the
     others, goes into the cant, ``g = mean(s_i e_i) K_Q / (K_T L)``. Corrections are small and arms
@@ -306,7 +306,10 @@ def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
 def _fit_trims(
     flights: Sequence[Prepared], session: Sequence[int], model: Model, before: Mapping[str, Number]
 ) -> tuple[dict[str, Number], _Spreads]:
-    """Gains and trims from the slow balance, and their spreads between flights and sessions."""
+    """Return gains and trims from the slow balance, and their spreads.
+
+    They spread between flights and sessions.
+    """
     shift = {key: n.value for key, n in before.items()}
     balance = _trim_balance(build(flights, with_corrections(model, shift), []), session)
     # linearised at the last values: seen from there, the file and its prior stand at minus them
@@ -341,7 +344,7 @@ def _fit_trims(
 def _nominal_numbers(
     flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]
 ) -> dict[str, Number]:
-    """Nominal parameters other than trims, from the fit that a diagnosis begins with.
+    """Return nominal parameters other than trims, from the fit that a diagnosis begins with.
 
     None without measured rates. The fit starts from the last values, so its prior is centred at
     minus those. What no file states, as a clock's delay, keeps its usual sd in later flights.
@@ -373,7 +376,10 @@ def _nominal_numbers(
 
 
 def _usual_sd(key: str, model: Model) -> float:
-    """Usual prior sd of an ``effect.parameter`` in later flights; 0 where a file alone has one."""
+    """Return the usual prior sd of an ``effect.parameter``.
+
+    It is 0 where a file alone has one.
+    """
     if key == SPEED:
         # gains by commands spread from flight to flight, those by rotor speeds hardly: that is the
         # drive's, and a speed goes as the root of thrust
@@ -454,7 +460,7 @@ _Spreads = tuple[_Spread, _Spread]
 
 
 def _fit_spreads(balance: _Trims, start: np.ndarray, usual: float) -> _Spreads:
-    """Both spreads by maximum likelihood, first between flights, pooled with ``usual`` ones.
+    """Return both spreads by maximum likelihood, first between flights, pooled with ``usual`` ones.
 
     A single set has one spread, whatever its flights' days.
     """
@@ -507,7 +513,7 @@ def _scale(quantity: Quantity, number: Number) -> Quantity:
 
 
 def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
-    """Fields of the vehicle file that take corrections themselves.
+    """Return fields of the vehicle file that take corrections themselves.
 
     Of numbers that act as one, as mass and thrust coefficient do, the last is corrected.
     """
@@ -542,7 +548,7 @@ def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
 
 
 def _by_number(numbers: Mapping[str, Number]) -> dict[str, list[tuple[Parameter, Number]]]:
-    """Corrections of each number of the vehicle file, ``inertia_kg_m2.xx`` for instance."""
+    """Return corrections of each number of the vehicle file, ``inertia_kg_m2.xx`` for instance."""
     corrections: dict[str, list[tuple[Parameter, Number]]] = {}
     for effect in effect_table.table().values():
         for p in effect.parameters:
@@ -552,7 +558,10 @@ def _by_number(numbers: Mapping[str, Number]) -> dict[str, list[tuple[Parameter,
 
 
 def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict[str, object]:
-    """Top speed and thrust curve without an sd: the thrust coefficient and its sd absorb them."""
+    """Return top speed and thrust curve without an sd.
+
+    The thrust coefficient and its sd absorb them.
+    """
     curves = {
         e.name: {key: Estimate(value=q.value) for key, q in effects[e.name].items()}
         for e in _drive_effects()
@@ -565,7 +574,7 @@ def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> d
 
 
 def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
-    """Whether a number is written under ``effects``.
+    """Return whether a number is written under ``effects``.
 
     Trims always are; effects of the drive where stated, or beyond the usual.
     """
@@ -576,7 +585,7 @@ def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
-    """``effects`` of the new file.
+    """Return ``effects`` of the new file.
 
     The battery's place is in the spread of the gains already, so the centre of gravity has no sd.
     """
@@ -667,7 +676,9 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
 def _calibrated_structure(
     flights: Sequence[Prepared], vehicle: Vehicle, folder: Path
 ) -> dict[str, float]:
-    """Largest structure by channel that the calibrated file leaves in two of its own flights.
+    """Return the largest structure by channel that the calibrated file leaves.
+
+    It is that of two of its own flights.
 
     It is no news in later ones.
     """

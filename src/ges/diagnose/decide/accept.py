@@ -202,7 +202,7 @@ def _with_best_forms_in_wind(selection: _Selection, system: System, record: Reco
 
 
 def _contested_names(context: RuleContext, record: Record) -> set[str]:
-    """Names that could not be separated from others, and those others."""
+    """Return names that could not be separated from others, and those others."""
     result = context.result
     undone = [
         name
@@ -217,7 +217,7 @@ def _contested_names(context: RuleContext, record: Record) -> set[str]:
 
 
 def _regression_of(listed: Sequence[Candidate], base: Model, like: System) -> Regression:
-    """Regression of candidates added to the base, on the flights of a system like it."""
+    """Return the regression of candidates added to the base, on the flights of a system like it."""
     return make_regression(
         build(like.recordings, base, [v for c in listed for v in c.variants], like)
     )
@@ -248,7 +248,7 @@ def _search_with_refined_load(
 
 
 def _still_needed(rivals: Sequence[str], base: Model, system: System) -> bool:
-    """Whether one of these is needed still, given the full fit of what was accepted."""
+    """Return whether one of these is needed still, given the full fit of what was accepted."""
     listed = candidates_of(system.recordings, base, (), rivals)
     result = search_until_stable(_regression_of(listed, base, system), listed, tuple(base.effects))[
         1

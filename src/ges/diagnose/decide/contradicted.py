@@ -108,7 +108,7 @@ def contradicted_parameters(
 
 
 def _is_nominal(key: str) -> bool:
-    """Whether an ``effect.parameter`` corrects a number of the vehicle file."""
+    """Return whether an ``effect.parameter`` corrects a number of the vehicle file."""
     return key == SPEED or corrected_numbers(key) != key
 
 

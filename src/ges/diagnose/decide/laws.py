@@ -122,7 +122,7 @@ def add_laws(
 def _overdone(
     forms: Mapping[str, tuple[SparseForm, Structure]], fitted: Fitted, explanation: Explanation
 ) -> set[str]:
-    """Channels in which a law moves more within flights than the residual did.
+    """Return channels in which a law moves more within flights than the residual did.
 
     Free trims cancel it in these flights, and would not in others.
     """
@@ -141,7 +141,7 @@ def _overdone(
 
 
 def _spread(values: np.ndarray) -> float:
-    """Length of the deviation from the mean; 0 for nothing."""
+    """Return the length of the deviation from the mean; 0 for nothing."""
     good = values[np.isfinite(values)]
     return float(np.linalg.norm(good - good.mean())) if len(good) else 0.0
 
@@ -149,7 +149,7 @@ def _spread(values: np.ndarray) -> float:
 def _response_structures(
     unexplained: Sequence[Structure], explanation: Explanation
 ) -> dict[str, Structure]:
-    """Channels of laws with structure in the mean."""
+    """Return channels of laws with structure in the mean."""
     main, by_channel = explanation.last.regression.system.main, {}
     for channel in CHANNELS:
         kind, axis = channel.split("_")
@@ -231,7 +231,7 @@ def _fit_terms(
 
 
 def _law_contribution(channel: str, fitted: Fitted, explanation: Explanation) -> list[np.ndarray]:
-    """Contribution of one channel's law to every channel, by flight, (m, C)."""
+    """Return the contribution of one channel's law to every channel, by flight, (m, C)."""
     effects = fitted.regression.system.model.effects
     search_regression = explanation.accepted.regression
     others = {k: 0.0 if k.startswith(f"{channel}:") else v for k, v in effects[LAW].items()}
@@ -240,7 +240,7 @@ def _law_contribution(channel: str, fitted: Fitted, explanation: Explanation) ->
 
 
 def _law_size(channel: str, fitted: Fitted, explanation: Explanation) -> dict[str, Any]:
-    """Size of one channel's law, in channels of its own kind."""
+    """Return the size of one channel's law, in channels of its own kind."""
     system, kinds = fitted.regression.system, RESPONSES[block_of(channel)]
     shown = [block_of(name) in kinds for name in system.main]
     contribution = _law_contribution(channel, fitted, explanation)

@@ -104,7 +104,7 @@ class _LinearFit:
         self.prior = Prior(mean, sd, -endless, endless)
 
     def _of(self, grams: Sequence[Gram]) -> tuple[Posterior, float]:
-        """Coefficients from some flights, and the log evidence of these."""
+        """Return coefficients from some flights, and the log evidence of these."""
         # log_evidence is relative to all coefficients at 0; held columns move that reference,
         # so its own -|y|^2 / 2 has to count too
         total = sum(grams[1:], grams[0]).about(

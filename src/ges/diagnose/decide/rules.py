@@ -300,7 +300,7 @@ def best_rival(result: SearchResult, name: str) -> Hypothesis | None:
 
 
 def _lead(result: SearchResult, name: str, rival: Hypothesis) -> float:
-    """Log odds of the best set with a name over its rival, from the flights alone."""
+    """Return log odds of the best set with a name over its rival, from the flights alone."""
     return (_alone(result, name) or result.best).flight_evidence - rival.flight_evidence
 
 

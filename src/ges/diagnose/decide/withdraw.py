@@ -108,7 +108,7 @@ def explanation_of(
 def _gusts(
     accepted: Accepted, start: Start, nominal_gusts: Mapping[str, float] | None
 ) -> Gusts | None:
-    """Gusts in the residuals, where no suspended load may make them by leaning."""
+    """Return gusts in the residuals, where no suspended load may make them by leaning."""
     fitted = accepted.fitted
     gusts = find_gusts(
         *(
@@ -126,7 +126,7 @@ def _gusts(
 
 
 def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
-    """Whether the wind of a fit is more than gusts leave in flights of finite length."""
+    """Return whether the wind of a fit is more than gusts leave in flights of finite length."""
     may_be_gusts = gusts.may_explain_wind(fitted)
     because = "no more than gusts leave" if may_be_gusts else "more than gusts leave"
     return Decision("more_than_gusts", not may_be_gusts, because)

@@ -206,12 +206,12 @@ def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[s
 
 
 def _is_strong(share: float) -> bool:
-    """Whether instruments predict enough of a signal."""
+    """Return whether instruments predict enough of a signal."""
     return share > settings.statistics.large_part
 
 
 def _shows_feedback(name: str) -> bool:
-    """Whether a controller's response shows in a channel."""
+    """Return whether a controller's response shows in a channel."""
     return block_of(name) in ("moment", DRIVE) or name in VERTICAL
 
 
@@ -243,7 +243,7 @@ class _Channel:
         return rest - project(x, self.instruments.z[self.name])
 
     def fast_remainder(self, x: np.ndarray) -> np.ndarray:
-        """Fast changes of columns (a, k) that instruments do not explain.
+        """Return fast changes of columns (a, k) that instruments do not explain.
 
         Slow changes balance a height, a climb, a load, and respond to no turbulence.
         """
@@ -253,7 +253,7 @@ class _Channel:
         return rest - gaussian_filter1d(rest, width, axis=0)
 
     def endogenous_share(self) -> np.ndarray:
-        """Share (a, 1) of a gain's force that comes with thrust that instruments do not explain."""
+        """Return the share (a, 1) of a gain's force that comes with unexplained thrust."""
         thrust = self.instruments.signal[self.name]
         # where thrust all but vanishes, as in a drop, the share would be endless
         least = settings.prepare.descent_share * thrust.mean()
@@ -264,14 +264,14 @@ Part = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray | None]
 
 
 def _dynamic(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """All that instruments do not explain; the mean along thrust counts in full."""
+    """Return all that instruments do not explain; the mean along thrust counts in full."""
     if not _is_balance(channel):
         return None
     return channel.remainder(x, mean_counts=channel.name in VERTICAL)
 
 
 def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Its force where thrust is unexplained, and the moment of a gain near the ground."""
+    """Return the force of unexplained thrust, and the moment of a gain near the ground."""
     if not _is_balance(channel):
         return None
     # a gain's force is in proportion to thrust: one share of it is endogenous, whatever the gain
@@ -304,7 +304,7 @@ def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.n
 
 
 def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Fast changes along thrust."""
+    """Return fast changes along thrust."""
     known = channel.name in channel.instruments.strength
     return channel.fast_remainder(x) if known and channel.name in VERTICAL else None
 
@@ -335,7 +335,7 @@ PARTS: tuple[tuple[str, Part], ...] = (
 
 
 def _is_balance(channel: _Channel) -> bool:
-    """Whether a channel is one of moments, or of forces along thrust, without gaps."""
+    """Return whether a channel is one of moments, or of forces along thrust, without gaps."""
     known = channel.name in channel.instruments.strength
     return known and block_of(channel.name) != DRIVE
 
@@ -404,7 +404,7 @@ def merge_endogenous_parts(
 
 
 def _in_all_windows(air: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values of the windows in the air among all of them, (m, k), zero elsewhere."""
+    """Return values of the windows in the air among all of them, (m, k), zero elsewhere."""
     if air.all():
         return values
     full = np.zeros((len(air), values.shape[1]))
@@ -413,7 +413,7 @@ def _in_all_windows(air: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> list[int]:
-    """First column of every parameter of a kind."""
+    """Return the first column of every parameter of a kind."""
     # a load that may be there would take from thrust gains what they do along thrust
     if kind == "load" and "load" not in map(feedback_of, on):
         return []

@@ -183,7 +183,7 @@ def _thrust_and_moments(
     signals: Mapping[str, np.ndarray],
     effects: effect_table.Effects | None = None,
 ) -> dict[str, np.ndarray]:
-    """Thrust and moments along signals (n,) of the contract's names, by channel, (n,).
+    """Return thrust and moments along signals (n,) of the contract's names, by channel, (n,).
 
     Without ``effects`` those of the model but actuators are on.
     """
@@ -214,7 +214,7 @@ def _delayed_copies(
 
 
 def _centred_means(signals: Sequence[np.ndarray], mean: csr_array) -> list[np.ndarray]:
-    """Window averages of signals by the weights ``mean``, less their mean."""
+    """Return window averages of signals by the weights ``mean``, less their mean."""
     averages = [mean @ signal for signal in signals]
     return [a - a.mean() for a in averages]
 

@@ -85,7 +85,7 @@ def height_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
 
 
 def _state_columns(flight: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """All that the library reads of every sample but rotor speeds.
+    """Return all that the library reads of every sample but rotor speeds.
 
     (n,) by contract column, in the units of their names.
     """
@@ -151,7 +151,7 @@ def _of_kind(effects: effect_table.Effects, *kinds: str) -> dict:
 
 
 def _turning_faults(effects: effect_table.Effects) -> dict:
-    """Sensor faults of attitude and rates."""
+    """Return sensor faults of attitude and rates."""
     faults = _of_kind(effects, "sensor")
     return {
         name: values
@@ -234,7 +234,7 @@ def _commanded_speeds_of_each(
 def _fly_motors(
     batch: Sequence[tuple[Prepared, effect_table.Effects, np.ndarray]], model: Model
 ) -> list[np.ndarray]:
-    """Rotor speeds (n, rotors) of flights with their effects and the inputs of their drives."""
+    """Return rotor speeds (n, rotors) of flights with the inputs of their drives."""
     names = rotor_speed(model.n_rotors)
     records = sim.fly(
         [_drive_flight(flight, model, effects, inputs) for flight, effects, inputs in batch],
@@ -248,7 +248,7 @@ def _fly_motors(
 
 
 def _command_modifiers(effects: effect_table.Effects) -> set[str]:
-    """Actuators that change the commands of another effect."""
+    """Return actuators that change the commands of another effect."""
     return {name for name in _of_kind(effects, "actuator") if effect_table.get(name).modifies}
 
 
@@ -284,7 +284,7 @@ def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects
 
 
 def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
-    """Commands, attitude, battery voltage and rates, one row for each step of the drive."""
+    """Return commands, attitude, battery voltage and rates, one row for each step of the drive."""
     every = flight.steps(settings.numerics.step_s)
     u = _at_step_middles(commands, every, flight.command_hold.delay_rows)
     voltage = flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
@@ -332,7 +332,7 @@ def _drive_flight(
 
 
 def _at_step_middles(u: np.ndarray, every: int, delay_rows: float) -> np.ndarray:
-    """Commands (n * every, rotors) at the middles of the steps, ``delay_rows`` late.
+    """Return commands (n * every, rotors) at the middles of the steps, ``delay_rows`` late.
 
     They are interpolated between the samples (n, rotors). Commands that are held act later, see
     :func:`~.delays.estimate_command_hold`.
@@ -409,7 +409,7 @@ def acting_speeds(flight: Prepared, model: Model, effects: effect_table.Effects)
 def _as_if_commanded(
     flight: Prepared, speeds: np.ndarray, model: Model, effects: effect_table.Effects
 ) -> np.ndarray:
-    """Speeds as the voltage would have changed them.
+    """Return speeds as the voltage would have changed them.
 
     Without commands, sag can only hide in the telemetry.
     """
@@ -472,7 +472,7 @@ def replay_model(
 
 
 def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
-    """All that the library reads of every sample, with these rotor speeds (n, rotors)."""
+    """Return all that the library reads of every sample, with these rotor speeds (n, rotors)."""
     n, rate = speeds.shape[1], np.gradient(speeds, flight.dt_s, axis=0)
     return {
         **motion.columns,
@@ -654,7 +654,7 @@ def _range_output(
     output: effect_table.Replay,
     reuse: Evaluation | None,
 ) -> effect_table.Replay:
-    """Model output for a rangefinder, with its memory, and with the attitude as it was read.
+    """Return model output for a rangefinder, with its memory, and with the attitude as it was read.
 
     On uneven ground its beam sees a patch and not a point. Where it falls carries no information on
     an error of the attitude.
@@ -711,7 +711,7 @@ def _reused_output(
 def _test_functions_of(
     windows: Windows, channel: str, names: Sequence[str]
 ) -> list[tuple[str, csr_array, csr_array]]:
-    """Every test function of one channel: mark of its name, weights, rate weights."""
+    """Return every test function of one channel: mark of its name, weights, rate weights."""
     return [(mark, *pair) for mark, pair in windows.functions.items() if channel + mark in names]
 
 
@@ -724,7 +724,7 @@ def _force(
     motion: Motion,
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """Residual m (a - g) - F in the body frame, as an acceleration times the nominal mass.
+    """Return the residual m (a - g) - F in the body frame, with the nominal mass.
 
     In that unit a payload scales the model and not the measurement, noise and all. The derivative
     of the velocity is in the test function.
@@ -776,7 +776,7 @@ def _acc(
     motion: Motion,
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """Residual of the accelerometer, as a force with the nominal mass."""
+    """Return the residual of the accelerometer, as a force with the nominal mass."""
     columns = {name: f"{name}_m_s2" for name in ACC if name in names}
     # as the acceleration of a force: with the nominal mass
     nominal_mass = model.number("mass_kg")
@@ -795,7 +795,7 @@ def _drive(
     motion: Motion,
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """Residual of the rotor speeds against those that the commands make."""
+    """Return the residual of the rotor speeds against those that the commands make."""
     if drive.commanded is None:
         raise ValueError("the drive was not flown from the commands; ask for its channels too")
     residual = flight.stack("rotor_speed") - drive.commanded
@@ -818,7 +818,7 @@ def _range(
     motion: Motion,
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
-    """Residual of the rangefinder."""
+    """Return the residual of the rangefinder."""
     return {"range": windows.mean @ (flight.columns["range_m"] - output["range_m"])}
 
 

@@ -328,7 +328,7 @@ def nuisances(
 def _nuisance(
     key: str, prior: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
-    """One parameter with its priors, centred on the vehicle file."""
+    """Return one parameter with its priors, centred on the vehicle file."""
     effect, _, parameter = key.partition(".")
     unit = model.arm_m if prior.per_arm else 1.0
     sd = model.prior_sds.get(key, unit * prior.sd)
@@ -346,7 +346,7 @@ def _nuisance(
 
 
 def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> float:
-    """Further sd of a drive's delay or lag.
+    """Return further sd of a drive's delay or lag.
 
     It covers how long a command was held, or for a lag the time between two rows. A motor's second
     pole is included.
@@ -361,7 +361,7 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
 
 
 def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
-    """Longest usual time between two values of a stream, s."""
+    """Return the longest usual time between two values of a stream, s."""
     return max(
         (f.update_s[s] for f in flights for s in streams if np.isfinite(f.update_s.get(s, np.nan))),
         default=0.0,
@@ -469,7 +469,7 @@ class _ColumnEvaluator:
     outputs: Mapping[str, Replay]
 
     def column(self, column: DesignColumn) -> dict[int, np.ndarray]:
-        """Minus the residual's change per unit of the coefficient, by channel, (m,)."""
+        """Return minus the residual's change per unit of the coefficient, by channel, (m,)."""
         # a number of the vehicle is no effect: drive, motion and replay are all made anew
         if column.nuisance is not None and column.nuisance.effect == "vehicle":
             n = column.nuisance
@@ -507,7 +507,7 @@ class _ColumnEvaluator:
 
 
 def _additions(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]:
-    """All that these columns add to the effects, by its text."""
+    """Return all that these columns add to the effects, by its text."""
     added = [
         e
         for c in columns
@@ -520,7 +520,7 @@ def _additions(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]
 def _fly_additions(
     flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]
 ) -> dict[str, Drive]:
-    """Drives under the additions, flown as one batch."""
+    """Return drives under the additions, flown as one batch."""
     sets = {
         name: model.with_effects(e).effects
         for name, e in added.items()
@@ -536,7 +536,7 @@ def _fly_additions(
 def _replay_additions(
     flight: Prepared, model: Model, base: Evaluation, added: Mapping[str, dict]
 ) -> dict[str, Replay]:
-    """Model output under additions with memory of the path, replayed as one batch."""
+    """Return model output under additions with memory of the path, replayed as one batch."""
     sets = {name: e for name, e in added.items() if depend_on_path_alone(e, model.effects)}
     return (
         dict(zip(sets, replay_with_each(flight, model, base, list(sets.values())), strict=True))
@@ -674,7 +674,7 @@ def residuals_with(system: System, model: Model) -> list[np.ndarray]:
 def _drive_form_error(
     flight: Prepared, windows: Windows, names: Sequence[str], commanded: np.ndarray | None
 ) -> dict[int, np.ndarray]:
-    """Model error of the drive on the ground, by channel, (m,).
+    """Return model error of the drive on the ground, by channel, (m,).
 
     Commands (n, rotors) beyond all in the air are multiplied by the form error of their speeds.
     """
@@ -731,7 +731,7 @@ def thrust_change(
 
 
 def _known_columns(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
-    """Columns of one flight to reuse.
+    """Return columns of one flight to reuse.
 
     Nuisances are by key. Others are by recipe, if wanted and computed for this very model.
     """
@@ -743,7 +743,7 @@ def _known_columns(system: System, flight: FlightRows, model: Model, wanted: set
 
 
 def _column_parts(effect: str, others_present: Collection[str]) -> tuple[str, ...]:
-    """Parts of an effect's columns, see :class:`DesignColumn`.
+    """Return parts of an effect's columns, see :class:`DesignColumn`.
 
     It has the force alone where another effect present makes its moment free.
     """

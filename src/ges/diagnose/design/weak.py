@@ -139,7 +139,7 @@ def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bump(half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points s in (-1, 1), (1 - s^2)^3, and minus its derivative."""
+    """Return points s in (-1, 1), (1 - s^2)^3, and minus its derivative."""
     s = np.arange(-half, half + 1) / (half + 1.0)
     return s, (1.0 - s**2) ** 3, 6.0 * s * (1.0 - s**2) ** 2
 

@@ -128,7 +128,10 @@ def noise_residuals(
 
 
 def _ridge_residual(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.ndarray:
-    """Residual (m,) of a ridge regression whose ridge is the variance of the residual."""
+    """Return the residual (m,) of a ridge regression.
+
+    The ridge is the variance of the residual.
+    """
     good = np.isfinite(y)
     residual = np.full(len(y), np.nan)
     if not good.any():
@@ -152,14 +155,17 @@ def _ridge_residual(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.n
 
 
 def _run(follows: np.ndarray) -> np.ndarray:
-    """How many rows every row directly follows in one run."""
+    """Return how many rows every row directly follows in one run."""
     # the last row that follows none is where a run starts
     at = np.arange(len(follows))
     return at - np.maximum.accumulate(np.where(follows, 0, at))
 
 
 def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """How many present rows every row (m,) directly follows; -1 where it is absent itself."""
+    """Return how many present rows every row (m,) directly follows.
+
+    It is -1 where the row is absent itself.
+    """
     there, at = np.isfinite(y), np.arange(len(y))
     first = there & ((run == 0) | ~np.r_[False, there[:-1]])
     return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
@@ -168,13 +174,13 @@ def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
 def _rows_with_past(
     residual: np.ndarray, run: np.ndarray, order: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows with a full past, their value and their past."""
+    """Return rows with a full past, their value and their past."""
     at = np.flatnonzero(_past(residual, run) >= order)
     return at, residual[at], np.stack([residual[at - k] for k in range(1, order + 1)], axis=1)
 
 
 def _growth(e: np.ndarray, covariate: np.ndarray) -> tuple[float, float]:
-    """Maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g covariate^2))."""
+    """Return maximum-likelihood sd and growth of e ~ N(0, sd^2 (1 + g covariate^2))."""
     # -2 log likelihood, maximised over sd for every growth of a grid
     best = (np.inf, 1.0, 0.0)
     for g in settings.noise.growths:
@@ -248,7 +254,7 @@ def _disturbance_size(
 
 
 def _noisiest_over_median(residuals: Sequence[np.ndarray]) -> float:
-    """Size of the residual (m,) in the noisiest flight over that of the middle one."""
+    """Return the size of the residual (m,) in the noisiest flight over that of the middle one."""
     sizes = [float(np.nanstd(e)) for e in residuals if np.isfinite(e).any()]
     return max(sizes) / max(median_low(sizes), settings.numerics.tiny) if sizes else 1.0
 
@@ -259,7 +265,7 @@ def _channel_noise(
     runs: Sequence[np.ndarray],
     covariate: Sequence[np.ndarray],
 ) -> tuple[np.ndarray, float, float]:
-    """AR coefficients, innovation sd and growth of one channel's residuals by flight."""
+    """Return AR coefficients, innovation sd and growth of one channel's residuals by flight."""
     order = settings.noise.autoregression_order
     pieces = [
         (*_rows_with_past(e, run, order), u)
@@ -334,7 +340,7 @@ def whiten(
 
 
 def _error_bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
-    """Endogenous parts of one kind, by flight and channel, as errors of unit prior sd.
+    """Return endogenous parts of one kind, by flight and channel, as errors of unit prior sd.
 
     Feedback makes a column follow the disturbances. Its coefficient then errs by up to their
     correlation over the column's size in noise. The error has the same cause in every flight and
@@ -358,7 +364,7 @@ def _error_bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[i
 def _whiten_flight(
     rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
 ) -> tuple[dict[int, WhitePart], dict[tuple[str, int], np.ndarray]]:
-    """Whitened parts by channel, and whitened endogenous parts by kind and channel."""
+    """Return whitened parts by channel, and whitened endogenous parts by kind and channel."""
     run, parts, endogenous = _run(rows.follows), {}, {}
     # replays settle from a start that they guess
     later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
@@ -389,12 +395,14 @@ def _whiten_flight(
 
 
 def _full_filter(ar: np.ndarray) -> np.ndarray:
-    """Weights (p + 1,) of a row and the p before it that give its innovation."""
+    """Return weights (p + 1,) of a row and the p before it that give its innovation."""
     return np.r_[1.0, -ar]
 
 
 def _prediction_filter(ar: np.ndarray) -> np.ndarray:
-    """Weights (p + 1, p + 1) that give the innovation of a row from j rows before it, in line j.
+    """Return weights (p + 1, p + 1) of the innovation of a row, by the rows before it.
+
+    Line j has j rows before it.
 
     Each is in sds of one with a full past (Brockwell and Davis 1991, sec. 5.2). The last line
     stands alone where such noise would grow without bound.
@@ -422,7 +430,7 @@ def _prediction_filter(ar: np.ndarray) -> np.ndarray:
 def _innovation(
     at: np.ndarray, past: np.ndarray, count: int, weights: np.ndarray, sd: np.ndarray
 ) -> csr_array:
-    """Matrix that turns ``count`` rows into innovations over ``sd`` of those at ``at``.
+    """Return matrix that turns ``count`` rows into innovations over ``sd`` of those at ``at``.
 
     Each is predicted from its ``past`` rows.
     """

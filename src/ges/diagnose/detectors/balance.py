@@ -42,7 +42,10 @@ def losses_of(model: Model) -> tuple[str, ...]:
 
 
 def _mean_variance(values: np.ndarray, block: int) -> float:
-    """Variance of the mean of one flight's windows, from blocks of time; nan for a single block."""
+    """Return the variance of the mean of one flight's windows, from blocks of time.
+
+    It is nan for a single block.
+    """
     blocks = [values[k : k + block].mean() for k in range(0, len(values), block)]
     return float(np.var(blocks, ddof=1) / len(blocks)) if len(blocks) > 1 else np.nan
 
@@ -196,7 +199,7 @@ def _as_finding(
 
 
 def _states_balance(system: System, column: Mapping[str, int]) -> bool:
-    """Whether the vehicle file, a calibrated one, states how far every motor's gain may be off."""
+    """Return whether a calibrated file states how far every motor's gain may be off."""
     gains = "weak_rotor" in system.model.effects and {*losses_of(system.model), *MASS} <= set(
         column
     )
@@ -249,7 +252,7 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
 
 
 def _strongest(causes: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
-    """Both causes at the rotor that explains most."""
+    """Return both causes at the rotor that explains most."""
     return max(causes, key=lambda pair: max(c.distance_explained for c in pair))
 
 
@@ -279,7 +282,10 @@ def balance_shift(system: System) -> Shift | None:
 
 
 def _clear_distance() -> float:
-    """Difference of squared distances at which the wrong cause has the chance of a false alarm."""
+    """Return the difference of squared distances that makes a cause clear.
+
+    The wrong cause then has the chance of a false alarm.
+    """
     # chance = 1 / (1 + exp(difference / 2))
     chance = settings.statistics.chance
     return 2.0 * float(np.log(1.0 / chance - 1.0))
@@ -288,7 +294,9 @@ def _clear_distance() -> float:
 def _mean_balance(
     system: System, keys: Sequence[str], column: dict[str, int]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Mean residuals (4,), mean columns by key (4,), and the inverse covariance of the residuals.
+    """Return mean residuals (4,), mean columns by key (4,), and an inverse covariance.
+
+    It is the covariance of the residuals.
 
     Prior sds of the file count as noise, that of the cant of the rotors among them.
     """
@@ -308,12 +316,12 @@ def _mean_balance(
 
 
 def _loss_direction(x: dict[str, np.ndarray], i: int) -> np.ndarray:
-    """Change of the residual per loss of one rotor, (4,)."""
+    """Return change of the residual per loss of one rotor, (4,)."""
     return x[LOSSES[i]]
 
 
 def _mass_direction(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:
-    """Change of the residual per kilogram at one hub, (4,).
+    """Return change of the residual per kilogram at one hub, (4,).
 
     The centre of gravity moves, and the thrust is less for the weight.
     """
@@ -324,7 +332,7 @@ def _mass_direction(x: dict[str, np.ndarray], i: int, system: System) -> np.ndar
 def _estimate_cause(
     y: np.ndarray, direction: np.ndarray, precision: np.ndarray, rotor: int
 ) -> Cause:
-    """Generalised least squares of one cause; a value below zero explains nothing."""
+    """Return generalised least squares of one cause; a value below zero explains nothing."""
     information = float(direction @ precision @ direction)
     value = float(direction @ precision @ y) / information
     return Cause(rotor, value, information**-0.5, value**2 * information if value > 0 else 0.0)

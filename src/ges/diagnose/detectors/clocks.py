@@ -56,7 +56,7 @@ def gate_findings(gate: Gate, prior_sds: Mapping[str, float]) -> list[Finding]:
 
 
 def _clear_delay_s(pose: Delay, prior_sds: Mapping[str, float]) -> float:
-    """Delay from which a pose is certainly later than its prior allows."""
+    """Return the delay from which a pose is certainly later than its prior allows."""
     usual = effect_table.get("time_offset").parameter("delay_s").doubt
     prior_sd_s = prior_sds.get("time_offset.delay_s", usual.sd if usual else 0.0)
     return settings.statistics.certain_sds * math.hypot(pose.sd_s, prior_sd_s)

@@ -147,7 +147,7 @@ class _EquivalentWind:
     short: int
 
     def without_regressors(self, wind: np.ndarray) -> np.ndarray:
-        """Wind (M, 2) less what the regressors explain, with equal noise in every window."""
+        """Return wind (M, 2) less what the regressors explain, with equal noise in every window."""
         x = self.regressors.reshape(-1, self.regressors.shape[2])
         variance = max(float(np.var(self.wind)), settings.numerics.tiny)
         # singular where a column is nothing, as the profile's without a height: so lstsq
@@ -155,11 +155,11 @@ class _EquivalentWind:
         return wind - self.regressors @ np.linalg.lstsq(gram, x.T @ wind.ravel(), rcond=None)[0]
 
     def means(self, wind: np.ndarray) -> np.ndarray:
-        """Mean of every stretch, (s, 2)."""
+        """Return the mean of every stretch, (s, 2)."""
         return np.array([wind[at].mean(axis=0) for at in self.stretches])
 
     def noise(self, wind: np.ndarray) -> float:
-        """Variance of such a mean, from the scatter of shorter means within the stretches."""
+        """Return the variance of such a mean, from the scatter of shorter means."""
         shorter = [
             np.array(
                 [
@@ -244,7 +244,7 @@ class _ForceWindows:
 
 
 def _force_windows(system: System, joint: JointFit) -> list[_ForceWindows]:
-    """Force windows of every flight that has any."""
+    """Return force windows of every flight that has any."""
     east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
     system_of_wind = build(system.recordings, system.model, [east_and_north], system)
     columns = [
@@ -285,7 +285,7 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
 
 
 def _regressors(forces: _ForceWindows, number: int, flights: int) -> np.ndarray:
-    """Regressors of one flight, (m, 2, 6 + 2 flights).
+    """Return regressors of one flight, (m, 2, 6 + 2 flights).
 
     They are a steady wind, its log-height profile, an error of the drag's form, and a trim of each
     flight.
@@ -308,7 +308,7 @@ def _regressors(forces: _ForceWindows, number: int, flights: int) -> np.ndarray:
 
 
 def _stretches(forces: _ForceWindows) -> list[np.ndarray]:
-    """Windows of every stretch of one flight, numbered among those in use.
+    """Return windows of every stretch of one flight, numbered among those in use.
 
     None is shorter than half of a full one.
     """
@@ -327,7 +327,7 @@ def _gusts_of_excess(
     forces: Sequence[_ForceWindows],
     model: Model,
 ) -> Gusts:
-    """Gusts that make this excess variance of the means, by the compiled effect."""
+    """Return gusts that make this excess variance of the means, by the compiled effect."""
     winds = [
         np.concatenate(draw)
         for draw in zip(*(_unit_gust_winds(f, model, i) for i, f in enumerate(forces)), strict=True)
@@ -351,7 +351,7 @@ def _gusts_of_excess(
 
 
 def _unit_gust_winds(forces: _ForceWindows, model: Model, number: int) -> list[np.ndarray]:
-    """Winds (m, 2) of compiled gusts of unit strength along one flight, by draw."""
+    """Return winds (m, 2) of compiled gusts of unit strength along one flight, by draw."""
     samples = effect_table.Samples.from_columns(motion_of(forces.rows.flight, model, {}).columns)
     # no two flights share a draw: their gusts are independent
     draws = settings.detect.gust_draws

@@ -111,7 +111,7 @@ def _refine_hanging(like: System, variant: Variant) -> Variant:
 
 
 def _coarse_step(variant: Variant) -> float:
-    """Ratio of the thread's length to its farther neighbour on the grid."""
+    """Return the ratio of the thread's length to its farther neighbour on the grid."""
     grids = (
         np.array(s.levels)
         for s in effect_table.get(LOAD).searches

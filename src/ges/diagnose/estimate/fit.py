@@ -195,7 +195,7 @@ def _inflation(
 
 
 def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Scores of the kept coefficients by block of time of one flight, (b, k)."""
+    """Return scores of the kept coefficients by block of time of one flight, (b, k)."""
     number = np.unique(block, return_inverse=True)[1]
     scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
     for part in white.parts:
@@ -280,7 +280,7 @@ class Fitted:
         return abs(away) / (sd * math.hypot(1.0, sd / plausible))
 
     def _form_error(self, effect: str, parameter: str) -> float:
-        """Sd of a parameter that is due to the form of its effect."""
+        """Return the sd of a parameter that is due to the form of its effect."""
         descriptor = effect_table.get(effect)
         if descriptor.about != "physics" or parameter in descriptor.shapes:
             return 0.0
@@ -300,7 +300,7 @@ class Fitted:
 
 
 def _wind_and_its_drag(one: str, other: str) -> bool:
-    """Whether one is a wind and the other a drag that it acts through."""
+    """Return whether one is a wind and the other a drag that it acts through."""
     pair = (effect_table.get(one), effect_table.get(other))
     return any(e.moves_air for e in pair) and (
         one in pair[1].prerequisites or other in pair[0].prerequisites
@@ -350,7 +350,7 @@ def starting_values(regression: Regression, hypothesis: Hypothesis) -> dict[str,
 
 
 def _usual_over_fitted(values: dict[str, dict[str, float]], usual: effect_table.Effects) -> float:
-    """Usual size of the prerequisites over their size in ``values``.
+    """Return the usual size of the prerequisites over their size in ``values``.
 
     The latter is raised to a part of the usual one first.
     """
@@ -402,7 +402,7 @@ def free_parameters(
 
 
 def _is_fixed(p: effect_table.Parameter, values: Mapping[str, float], model: Model) -> bool:
-    """Whether a shape has no influence at these values, or is exactly known."""
+    """Return whether a shape has no influence at these values, or is exactly known."""
     if p.corrects and model.plane_sd_m <= 0.0:
         return True
     return p.acts_above is not None and values[p.acts_above[0]] <= p.acts_above[1]
@@ -411,7 +411,7 @@ def _is_fixed(p: effect_table.Parameter, values: Mapping[str, float], model: Mod
 def _deviation_prior(
     name: tuple[str, str], values: effect_table.Effects, model: Model
 ) -> tuple[float, float]:
-    """Mean and sd of a free parameter's deviation from its present value.
+    """Return the mean and sd of a free parameter's deviation from its present value.
 
     A place moves little in one round.
     """
@@ -472,12 +472,15 @@ class _Point:
         return values
 
     def sds_to(self, values: effect_table.Effects) -> float:
-        """Largest distance of a free parameter to other values, in its sd."""
+        """Return the largest distance of a free parameter to other values, in its sd."""
         away = np.array([values[e][p] for e, p in self.free]) - self.free_values()
         return float(np.max(np.abs(away) / np.sqrt(np.diag(self.covariance)), initial=0.0))
 
     def next_values(self, model: Model) -> np.ndarray:
-        """Free parameters (k,) of least cost under the linearisation, within their bounds."""
+        """Return free parameters (k,) of least cost, within their bounds.
+
+        The cost is that of the linearisation.
+        """
         descriptors = [effect_table.get(e).parameter(p) for e, p in self.free]
         steps = self.joint.chosen[: len(self.free)]
         # all steps by one share, so that the direction stays that of descent
@@ -621,7 +624,7 @@ def pinned_priors(joint: JointFit) -> dict[str, tuple[float, float]]:
 
 
 def _is_trim(key: str) -> bool:
-    """Whether a nuisance, ``effect.parameter``, trims the vehicle."""
+    """Return whether a nuisance, ``effect.parameter``, trims the vehicle."""
     effect, parameter = key.split(".")
     return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
@@ -657,7 +660,10 @@ def free_columns(system: System) -> list[int]:
 def _share_in_reach(
     steps: np.ndarray, free: Sequence[tuple[str, str]], values: effect_table.Effects, model: Model
 ) -> float:
-    """Share of a step that moves no place beyond its reach, where the columns still hold."""
+    """Return the share of a step that moves no place beyond its reach.
+
+    The columns still hold there.
+    """
     reaches = np.array([reach_of(name, values, model) or math.inf for name in free])
     return float(
         min(1.0, np.min(reaches / np.maximum(np.abs(steps), settings.numerics.tiny), initial=1.0))

@@ -109,13 +109,13 @@ def _linearise(
 
 
 def _step(regression: Regression, joint: JointFit) -> dict[str, float]:
-    """Step from the present corrections to the optimum of the linearisation."""
+    """Return the step from the present corrections to the optimum of the linearisation."""
     corrections = regression.system.model.corrections
     return {key: value - corrections.get(key, 0.0) for key, value in joint.common.items()}
 
 
 def _stopped_at_bound(regression: Regression, joint: JointFit) -> bool:
-    """Whether a bound of the library stopped the step of some number."""
+    """Return whether a bound of the library stopped the step of some number."""
     model = regression.system.model
     bounds = {key: correction_bounds(key, model) for key in joint.common}
     return any(
@@ -127,7 +127,7 @@ def _stopped_at_bound(regression: Regression, joint: JointFit) -> bool:
 def _gains_as_predicted(
     regression: Regression, cost: float, best: JointFit, tried: JointFit
 ) -> bool:
-    """Whether the model, flown with a step, gains enough of what the linearisation predicts.
+    """Return whether the model, flown with a step, gains enough of what the linearisation predicts.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _gains_as_predicted(
 
 
 def _cost(regression: Regression, step: Mapping[str, float]) -> float:
-    """-2 log posterior, but for a constant, of the model flown a step away.
+    """Return -2 log posterior, but for a constant, of the model flown a step away.
 
     Numbers that differ between flights are at their optimum.
 

@@ -104,7 +104,7 @@ def fly_rollouts(flight: Prepared, model: Model, n: int) -> Rollouts:
 
 
 def _imposed(model: Model) -> tuple[str, ...]:
-    """Columns that a rollout takes from the recording, in the order of a replay."""
+    """Return columns that a rollout takes from the recording, in the order of a replay."""
     return (*rotor_speed(model.n_rotors), *QUATERNION)
 
 

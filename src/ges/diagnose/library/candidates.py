@@ -191,7 +191,10 @@ def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvel
 
 
 def _command_levels(flights: Sequence[Prepared]) -> tuple[tuple[float, ...], tuple[float, float]]:
-    """High quantiles of the commands in the air, the largest there, and that of a take-off."""
+    """Return high quantiles of the commands in the air, and the largest commands.
+
+    The latter are those in the air and in a take-off.
+    """
     commanded = [f for f in flights if f.has("command") and f.flying.any()]
     if not commanded:
         return (), (0.0, 0.0)

@@ -75,7 +75,10 @@ def out_of_reach(effect: Effect, model: Model, envelope: FlightEnvelope) -> str:
 
 
 def _variants(effect: Effect, model: Model, envelope: FlightEnvelope) -> tuple[Variant, ...]:
-    """All variants of an effect; without search hints one, of all parameters that can vanish."""
+    """Return all variants of an effect.
+
+    Without search hints it is one, of all parameters that can vanish.
+    """
     if not effect.searches:
         here = effect.of_rotors(model.n_rotors)
         names = (p.name for p in here if not math.isnan(p.neutral))
@@ -86,7 +89,7 @@ def _variants(effect: Effect, model: Model, envelope: FlightEnvelope) -> tuple[V
 
 
 def _within_bounds(variant: Variant) -> bool:
-    """Whether the shape lies within the bounds of its effect's parameters."""
+    """Return whether the shape lies within the bounds of its effect's parameters."""
     rows = (effect_table.get(variant.effect).parameter(name) for name in variant.shape)
     return all(_in_range(p, variant.shape) for p in rows)
 
@@ -119,7 +122,7 @@ def _variant(effect: Effect, amplitudes: tuple[str, ...], **shape: float) -> Var
 def _grid(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """One variant for each level of the axis and of the number across it.
+    """Return one variant for each level of the axis and of the number across it.
 
     Effects that modify this one are given with the variant, one at a time, where the hints ask for
     them.
@@ -154,14 +157,14 @@ def _grid(
 def _each(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """One variant for each amplitude."""
+    """Return one variant for each amplitude."""
     return tuple(_variant(effect, (name,)) for name in search.amplitudes)
 
 
 def _places(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """One amplitude for each place, and each pair of places.
+    """Return one amplitude for each place, and each pair of places.
 
     Losses are bounded at zero: no blade heals.
     """
@@ -173,7 +176,7 @@ def _places(
 def _axes(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Every subset of the axes: an error of one axis does not pay for the others.
+    """Return every subset of the axes: an error of one axis does not pay for the others.
 
     With levels there is one column for each side of neutral, bounded there.
     """
@@ -213,14 +216,17 @@ def _at_levels(
 def _levels(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """For effects that are not linear: each column is the whole step from neutral to a level."""
+    """Return variants for effects that are not linear.
+
+    Each column is the whole step from neutral to a level.
+    """
     return _at_levels(effect, search, search.levels)
 
 
 def _commanded(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Levels near the largest commands in the air, and towards those of a take-off.
+    """Return levels near the largest commands in the air, and towards those of a take-off.
 
     A ceiling is no level where rotors were logged to turn faster.
     """
@@ -236,7 +242,7 @@ def _commanded(
 def _slower(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Slower motors than nominal, slowing down no sooner than speeding up.
+    """Return variants slower motors than nominal, slowing down no sooner than speeding up.
 
     Faster ones are within the prior sd, or another effect.
     """
@@ -287,7 +293,7 @@ def _outside_box(
 def _over_places(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Above each place that was visited, as wide as the places are apart.
+    """Return variants above each place that was visited, as wide as the places are apart.
 
     The height is so many radii above the highest position.
     """
@@ -312,14 +318,14 @@ def _over_places(
 def _hanging(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Hanging freely below the middle, where a logged attitude shows a swing."""
+    """Return variants hanging freely below the middle, where a logged attitude shows a swing."""
     return _grid(effect, search, model, envelope) if envelope.attitude_logged else ()
 
 
 def _lying(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """On threads longer than the lowest height, so that the load lies on the ground there."""
+    """Return variants on threads longer than the lowest height: the load lies there."""
     lowest_m = envelope.low_m[2] if envelope.low_m else 0.0
     levels = tuple(length for length in search.levels if length > lowest_m)
     return _hanging(effect, dataclasses.replace(search, levels=levels), model, envelope)
@@ -332,7 +338,7 @@ def _hubs(model: Model) -> list[tuple[float, float]]:
 def _at_places(
     effect: Effect, search: SearchHints, places: Iterable[tuple[float, float]]
 ) -> tuple[Variant, ...]:
-    """At each of these places (x, y)."""
+    """Return variants at each of these places (x, y)."""
     x_name, y_name = search.axis
     return tuple(
         _variant(effect, search.amplitudes, **search.fixed, **{x_name: x, y_name: y})
@@ -343,14 +349,17 @@ def _at_places(
 def _at_hubs(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Hanging freely below each rotor."""
+    """Return variants hanging freely below each rotor."""
     return _at_places(effect, search, _hubs(model)) if envelope.attitude_logged else ()
 
 
 def _on_body(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """In the middle, at each hub, and halfway between; a fit moves it from there."""
+    """Return variants in the middle, at each hub, and halfway between.
+
+    A fit moves them from there.
+    """
     hubs = [(k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(model)]
     return _at_places(effect, search, dict.fromkeys([(0.0, 0.0), *hubs]))
 
@@ -358,14 +367,14 @@ def _on_body(
 def _coaxial(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Where a rotor lies over another."""
+    """Return variants where a rotor lies over another."""
     return _grid(effect, search, model, envelope) if model.coaxial else ()
 
 
 def _drawn(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
-    """Drawn over the ground on threads longer than the height of flight.
+    """Return variants drawn over the ground on threads longer than the height of flight.
 
     They hang below the middle and each rotor.
 

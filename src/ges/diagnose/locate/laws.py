@@ -216,7 +216,7 @@ def sparse_form(
 
 
 def _independent_count(residual: np.ndarray, flight: np.ndarray) -> float:
-    """Effective number of independent values of a residual (n,), n (1 - r) / (1 + r).
+    """Return the effective number of independent values of a residual (n,), n (1 - r) / (1 + r).
 
     r is the correlation from one window to the next within a flight (Bartlett 1946, J. R. Stat.
     Soc. Suppl. 8, 27).
@@ -237,7 +237,7 @@ class _Folds:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray, fold: np.ndarray) -> _Folds:
-        """From columns (n, K), a residual (n,) and the fold of every row (n,)."""
+        """Make it from columns (n, K), a residual (n,) and the fold of every row (n,)."""
         each = [(x[fold == f], y[fold == f]) for f in np.unique(fold)]
         return cls(
             np.array([a.T @ a for a, _ in each]),

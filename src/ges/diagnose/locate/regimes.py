@@ -182,7 +182,10 @@ def _least_r2_of_size(s: Structure) -> float:
 
 
 def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
-    """Smallest rms of a structure that counts; more than the calibration flights show."""
+    """Return the smallest rms of a structure that counts.
+
+    It is more than the calibration flights show.
+    """
     calibrated = settings.statistics.flights_ratio * model.left_unexplained.get(s.key, 0.0)
     # all of a residual is compared where its size depends on a regime, and not a part of it alone
     if s.of_size:
@@ -235,7 +238,7 @@ def regime_cells(
 
 
 def _bins(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges, and the bin of every value."""
+    """Return edges, and the bin of every value."""
     limits = bin_edges(value)
     return limits, np.clip(np.searchsorted(limits, value, side="right") - 1, 0, len(limits) - 2)
 
@@ -478,7 +481,7 @@ def _most_affected_regime(a: np.ndarray, values: Mapping[str, np.ndarray]) -> di
 
 
 def _run_around(high: np.ndarray, at: int) -> tuple[int, int]:
-    """First and one past the last of the true values around ``at``."""
+    """Return the first and one past the last of the true values around ``at``."""
     low, end = at, at + 1
     while low > 0 and high[low - 1]:
         low -= 1
@@ -511,7 +514,7 @@ def strongest_entries(entries: Sequence[Mapping]) -> list[dict]:
 
 
 def _by_energy(entries: Sequence[dict], system: System) -> list[dict]:
-    """Entries by decreasing ``energy`` over weight, without that key.
+    """Return entries by decreasing ``energy`` over weight, without that key.
 
     Those that differ by rounding alone keep the order of the channels.
     """

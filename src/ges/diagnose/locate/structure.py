@@ -157,7 +157,7 @@ def varied_regimes(values: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _least_spread(name: str, values: np.ndarray) -> float:
-    """Spread below which a variable was moved by the disturbance itself.
+    """Return the spread below which a variable was moved by the disturbance itself.
 
     A height has to vary by a large part of itself.
     """
@@ -205,7 +205,7 @@ def _single_and_place(names: Sequence[str]) -> list[tuple[str, ...]]:
 def _cross_validated_r2(
     basis: _Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray
 ) -> np.ndarray:
-    """R^2 on the folds left out, (C, d), of channels ``y`` (n, C) and d draws of signs.
+    """Return R^2 on the folds left out, (C, d), of channels ``y`` (n, C) and d draws of signs.
 
     ``signs`` (b, d) flip blocks; ``of_block`` (b, n) sums rows by block.
     """
@@ -227,7 +227,7 @@ def _cross_validated_r2(
 
 
 def _fold_residuals(basis: _Basis, y: np.ndarray) -> np.ndarray:
-    """Residuals of ``y`` (n, C) after prediction from the other folds."""
+    """Return residuals of ``y`` (n, C) after prediction from the other folds."""
     missed, total = y.copy(), basis.x.T @ y
     for f, inverse in basis.inverse.items():
         at = basis.fold == f
@@ -396,7 +396,7 @@ def _test_channels(
 
 
 def _with_q_values(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
-    """Structures with the chance that the largest standardised statistic reaches theirs.
+    """Return structures with the chance that the largest standardised statistic reaches theirs.
 
     The largest is taken over all tests, and over sums of channels that go together.
     """

@@ -250,7 +250,7 @@ def _new_value_rows(values: np.ndarray) -> np.ndarray:
 
 
 def _knot_rows(t_s: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Rows at which a value is known: its first, and its last where it stood for long."""
+    """Return rows at which a value is known: its first, and its last where it stood for long."""
     usual = np.median(np.diff(t_s[rows])) if len(rows) > 2 else np.inf
     before_next = np.r_[rows[1:] - 1, len(t_s) - 1]
     # a straight line to the next news would turn a long hold into a slow ramp
@@ -284,7 +284,7 @@ def _regrid(
 def _grid_means(
     t_s: np.ndarray, values: np.ndarray, grid_s: np.ndarray, mean_s: float, points: np.ndarray
 ) -> np.ndarray:
-    """Means of linearly interpolated values over ``mean_s`` around every time of a grid.
+    """Return means of linearly interpolated values over ``mean_s`` around every time of a grid.
 
     ``points`` stay where the interval reaches beyond the values.
     """
@@ -296,7 +296,7 @@ def _grid_means(
 
 
 def _one_sign(q: np.ndarray) -> np.ndarray:
-    """Quaternions without sign changes along the flight."""
+    """Return quaternions without sign changes along the flight."""
     q = q.copy()
     finite = np.flatnonzero(np.isfinite(q).all(axis=1))
     # q and -q are one attitude: a line between them would pass through attitudes never flown
@@ -552,7 +552,7 @@ def _well_within(at: np.ndarray, margin_s: float, dt_s: float) -> np.ndarray:
 
 
 def _usual_thrust(ratio: np.ndarray) -> float:
-    """Median of the thrust (n,) above half of its mean, weighted by itself.
+    """Return the median of the thrust (n,) above half of its mean, weighted by itself.
 
     Idling samples hardly count in that mean. A drive that never runs gives infinity.
     """

@@ -44,14 +44,14 @@ class Delay:
 
 
 def _drive_lags_s() -> np.ndarray:
-    """Trial delays of the rotor speeds, s; two negative steps show a peak at 0."""
+    """Return trial delays of the rotor speeds, s; two negative steps show a peak at 0."""
     longest_s = settings.prepare.pause_s
     step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-2.0 * step_s, longest_s + settings.numerics.small, step_s)
 
 
 def _pose_lags_s() -> np.ndarray:
-    """Trial delays of the pose, s, of both signs."""
+    """Return trial delays of the pose, s, of both signs."""
     longest_s = settings.design.window_shortest_s
     step_s = longest_s / settings.prepare.lag_steps
     return np.arange(-longest_s, longest_s + settings.numerics.small, step_s)
@@ -62,7 +62,7 @@ def _high_pass(x: np.ndarray, step_s: float, slower_s: float | None = None) -> n
 
 
 def _thrust_correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
-    """Correlation sums (4, lags) of thrust with vertical acceleration."""
+    """Return the correlation sums (4, lags) of thrust with vertical acceleration."""
     ratio = thrust_over_weight(
         flight,
         model.number("thrust_coefficient_N_s2"),
@@ -101,7 +101,7 @@ def _correlation_sums(
 
 
 def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
-    """Lag and correlation at the peak, by a parabola through the three highest points."""
+    """Return lag and correlation at the peak, by a parabola through the highest points."""
     r = sums[0] / np.sqrt(np.maximum(sums[1] * sums[2], settings.numerics.tiny))
     # the parabola needs a neighbour on either side, also of a peak at an end of the lags
     i = int(np.clip(np.argmax(r), 1, len(r) - 2))
@@ -112,7 +112,7 @@ def _peak(sums: np.ndarray, lags_s: np.ndarray) -> tuple[float, float]:
 
 
 def _least_sd_s(sums: np.ndarray, lags_s: np.ndarray) -> float:
-    """Lower bound of the sd of a delay between two signals.
+    """Return the lower bound of the sd of a delay between two signals.
 
     For a = g b(t - d) + n the information on d is g^2 sum(b'^2) / var(n).
 
@@ -134,7 +134,9 @@ def _least_sd_s(sums: np.ndarray, lags_s: np.ndarray) -> float:
 def _combined_delay(
     stream: str, of_flights: Sequence[np.ndarray], lags_s: np.ndarray
 ) -> Delay | None:
-    """Delay at the peak of the flights' summed correlations (4, lags), None without a clear peak.
+    """Return the delay at the peak of the flights' summed correlations (4, lags).
+
+    None without a clear peak.
 
     The sd is the scatter of the flights, each weighted by how much it moves. It is at least the
     shift by leaving out a flight without which the others agree better.
@@ -163,7 +165,10 @@ def _combined_delay(
 
 
 def _lag_behind_commands_s(flights: Sequence[Prepared]) -> float:
-    """Lag of the rotor speeds behind their commands; infinite where it cannot be seen."""
+    """Return the lag of the rotor speeds behind their commands.
+
+    It is infinite where it cannot be seen.
+    """
     of_flights, lags_s = [], _drive_lags_s()
     for f in (f for f in flights if f.has("rotor_speed") and f.has("command")):
         width = settings.design.coarsest_s / f.dt_s
@@ -282,7 +287,7 @@ def _lagged_response_rows(flight: Prepared, taps: int) -> tuple[np.ndarray, np.n
 
 
 def _smoothing_samples(flight: Prepared) -> float:
-    """Smoothing width of both body rates, set by the slower stream.
+    """Return smoothing width of both body rates, set by the slower stream.
 
     One width for both makes no delay between them.
     """
@@ -291,7 +296,7 @@ def _smoothing_samples(flight: Prepared) -> float:
 
 
 def _rates_by_gyro_and_attitude(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
-    """Smoothed body rates by gyro and by attitude, rad/s."""
+    """Return smoothed body rates by gyro and by attitude, rad/s."""
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
     width = _smoothing_samples(flight)
@@ -301,7 +306,7 @@ def _rates_by_gyro_and_attitude(flight: Prepared) -> tuple[np.ndarray, np.ndarra
 
 
 def _rate_correlations(flight: Prepared) -> np.ndarray | None:
-    """Correlation sums (4, lags) of the two body rates."""
+    """Return the correlation sums (4, lags) of the two body rates."""
     pair, lags_s = _rates_by_gyro_and_attitude(flight), _pose_lags_s()
     if pair is None or flight.flying.sum() * flight.dt_s <= settings.prepare.flight_shortest_s:
         return None
@@ -368,7 +373,7 @@ def clock_drift(flight: Prepared) -> float:
 def _whole_sample_sums(
     a: np.ndarray, b: np.ndarray, rows: np.ndarray, lags: np.ndarray
 ) -> np.ndarray:
-    """Correlation sums (3, lags) of signals (k, n) with others taken whole samples later."""
+    """Return correlation sums (3, lags) of signals (k, n) at whole samples."""
     late, now = b[:, np.clip(rows + lags[:, None], 0, b.shape[1] - 1)], a[:, rows]
     return np.stack(
         [
@@ -380,7 +385,10 @@ def _whole_sample_sums(
 
 
 def _significant_slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.ndarray) -> float:
-    """Slope of the line through delays, weighted by their correlation; 0 where it may be chance."""
+    """Return the slope of the line through delays, weighted by their correlation.
+
+    It is 0 where it may be chance.
+    """
     clear = correlation > settings.statistics.large_part
     if clear.sum() < settings.statistics.folds:
         return 0.0

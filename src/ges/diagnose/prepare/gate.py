@@ -206,7 +206,7 @@ def clipped_samples(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
 
 
 def _at_limit(t_s: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
-    """First and last rows of the times for which a reading stands still at its extreme."""
+    """Return first and last rows of the times for which a reading stands at its extreme."""
     finite = np.flatnonzero(np.isfinite(values))
     starts = finite[np.r_[True, np.diff(values[finite]) != 0]] if len(finite) else finite
     if len(starts) < 3:
@@ -302,7 +302,7 @@ def with_stated_voltage(
 
 
 def _unusable_because(flight: Prepared) -> str | None:
-    """Why a flight cannot be used; None where it can."""
+    """Return why a flight cannot be used; None where it can."""
     if not (flight.has("rotor_speed") or flight.has("command")):
         return "has neither rotor speeds nor commands: its forces cannot be modelled"
     drive = "rotor_speed" if flight.has("rotor_speed") else "command"

@@ -86,7 +86,9 @@ def lag_matrix(values: np.ndarray, taps: int) -> np.ndarray:
 
 
 def _slow(values: np.ndarray, dt_s: float) -> np.ndarray:
-    """Slow part of values (n, k): half of the amplitude stays at ``settings.prepare.slow_Hz``.
+    """Return the slow part of values (n, k).
+
+    Half of the amplitude stays at ``settings.prepare.slow_Hz``.
 
     Trends go on beyond both ends.
     """

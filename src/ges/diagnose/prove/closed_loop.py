@@ -44,7 +44,7 @@ def lean(q: np.ndarray) -> np.ndarray:
 
 
 def _comparable_channels(flight: Prepared) -> tuple[str, ...]:
-    """Channels in which this recording can be compared."""
+    """Return channels in which this recording can be compared."""
     drive = SPEED if flight.has("rotor_speed") else DUTY if flight.has("command") else ""
     measured = LEAN if flight.has("attitude") and "attitude" not in flight.derived else ()
     placed = POSITION if flight.has("position") else ()

@@ -26,7 +26,7 @@ from ges.diagnose.types.model import Model
 
 
 def _metric_words() -> str:
-    """Text of ``fit.metric``."""
+    """Return text of ``fit.metric``."""
     return (
         "rms of the weak-form residual (windowed average, nothing differentiated) on flights that"
         " took no part; reduction_ci95: share by which 'after' is below 'recalibrated', 95 %"

@@ -225,7 +225,7 @@ def errors_elsewhere(
 
 
 def _inside(values: Mapping[str, np.ndarray], bounds: Mapping[str, Sequence[float]]) -> np.ndarray:
-    """Windows within all bounds; none where a variable is not known."""
+    """Return windows within all bounds; none where a variable is not known."""
     inside = np.ones(len(next(iter(values.values()))), bool)
     for name, (low, high) in bounds.items():
         inside &= (values[name] >= low) & (values[name] <= high) if name in values else False

@@ -107,7 +107,7 @@ def error_rows(
 
 
 def _interval(row: Mapping[str, Any]) -> tuple[float, float] | None:
-    """``reduction_ci95`` of a row of the fit; None where it has none."""
+    """Return ``reduction_ci95`` of a row of the fit; None where it has none."""
     low, high = row.get("reduction_ci95") or (None, None)
     return None if low is None or high is None else (low, high)
 

@@ -59,7 +59,7 @@ def _flight(t: Trace) -> dict[str, Any]:
 
 
 def _pack(series: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Signals (n,) of one channel as 16-bit numbers, little-endian, base64.
+    """Return signals (n,) of one channel as 16-bit numbers, little-endian, base64.
 
     The value is ``low`` + ``step`` * (number + 32767), :data:`MISSING` where there is none.
     """

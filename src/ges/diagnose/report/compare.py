@@ -105,7 +105,7 @@ def _remarks(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[st
 
 
 def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """One row for each finding.
+    """Return one row for each finding.
 
     It has the diagnoses that have it, its size and probability in each, and both values of every
     parameter with the overlap of their intervals.
@@ -181,7 +181,7 @@ def _value(v: Mapping[str, Any] | None) -> str:
 
 
 def _overlap(a: Sequence[float | None] | None, b: Sequence[float | None] | None) -> str:
-    """Whether two intervals overlap, in words; '' where one is missing."""
+    """Return whether two intervals overlap, in words; '' where one is missing."""
     (a_low, a_high), (b_low, b_high) = a or (None, None), b or (None, None)
     if a_low is None or a_high is None or b_low is None or b_high is None:
         return ""
@@ -191,7 +191,7 @@ def _overlap(a: Sequence[float | None] | None, b: Sequence[float | None] | None)
 def _numbers(
     first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
-    """One row for each nominal parameter that either diagnosis corrected."""
+    """Return one row for each nominal parameter that either diagnosis corrected."""
     for key in dict.fromkeys([*first, *second]):
         pair = [c.get(key) for c in (first, second)]
         yield {
@@ -213,7 +213,7 @@ def _rollout_channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, A
 def _errors(
     first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]], what: str
 ) -> Iterator[dict[str, Any]]:
-    """One row for each channel of both: errors, and their change from the first to the second."""
+    """Yield one row for each channel of both: errors, and their change."""
     for name in (n for n in first if n in second):
         a, b = first[name], second[name]
         change = b["after"] / a["after"] - 1.0 if a["after"] else None

@@ -104,7 +104,7 @@ def detected_effects(accepted: Accepted) -> dict[str, DetectedEffect]:
 
 
 def _parameters_of(fitted: Fitted, name: str, nominal: Mapping[str, float]) -> dict[str, Estimate]:
-    """Fitted parameters of one effect with 95 % intervals.
+    """Return fitted parameters of one effect with 95 % intervals.
 
     Notes give strong correlations and what the vehicle file has.
     """
@@ -137,7 +137,7 @@ def _correlation_note(fitted: Fitted, key: tuple[str, str]) -> str:
 
 
 def _alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
-    """Names that could take its place, with log odds against the best set that has it.
+    """Return names that could take its place, with log odds against the best set that has it.
 
     Other places of the same name that these flights cannot separate come first.
     """
@@ -160,7 +160,7 @@ def _alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
 
 
 def _finding(accepted: Accepted, name: str, contribution: Sequence[np.ndarray]) -> Finding:
-    """One accepted effect; ``contribution`` (m, C) by flight."""
+    """Return one accepted effect; ``contribution`` (m, C) by flight."""
     nominal = accepted.regression.system.model.effects.get(name, {})
     return Finding.of(
         name,
@@ -175,7 +175,7 @@ def _finding(accepted: Accepted, name: str, contribution: Sequence[np.ndarray]) 
 def _findings_by_place(
     accepted: Accepted, name: str, contribution: Sequence[np.ndarray]
 ) -> list[Finding]:
-    """One accepted effect, as one finding for each place where it acts.
+    """Return one accepted effect, as one finding for each place where it acts.
 
     ``contribution`` is by flight, (m, C) of :func:`contributions`.
     """
@@ -199,7 +199,7 @@ def _findings_by_place(
 
 
 def _contradicted_findings(contradicted: Sequence[Contradicted], system: System) -> list[Finding]:
-    """Contradicted nominal parameters, by the effect that corrects them.
+    """Return contradicted nominal parameters, by the effect that corrects them.
 
     A number that no effect corrects is in the sentence and the calibration alone.
     """
@@ -271,7 +271,7 @@ def _open_finding(accepted: Accepted, name: str) -> Finding:
 
 
 def _search_estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
-    """Parameters of one name from the search."""
+    """Return parameters of one name from the search."""
     posterior = accepted.result.best_with(name, accepted.rivals).posterior
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates: dict[str, Estimate] = {}

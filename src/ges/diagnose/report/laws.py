@@ -94,7 +94,7 @@ def reads_as(channel: str, coefficients: Mapping[Term, float], size: Mapping[str
 
 
 def _nearest(channel: str, quantity: str) -> str:
-    """Physics that makes a channel depend on a quantity."""
+    """Return physics that makes a channel depend on a quantity."""
     kind, axis = channel.split("_")
     own = {"x": ("V_x", "p"), "y": ("V_y", "q"), "z": ("V_z", "r")}[axis]
     if quantity == "R":

@@ -125,7 +125,7 @@ def map_figure(cells: Sequence[Cell]) -> list[Figure]:
 def _figures(
     diagnosis: Diagnosis, content: Mapping[str, Any], traces: Sequence[Trace]
 ) -> Iterator[Figure]:
-    """Figures that this diagnosis has data for."""
+    """Return figures that this diagnosis has data for."""
     proof = diagnosis.workings.proof
     yield from map_figure(diagnosis.workings.cells)
     # a flight that took no part shows what a fit could not have bent
@@ -162,7 +162,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
 
 
 def _parameters(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Fitted parameters of the findings, then nominal ones that recalibration moved."""
+    """Return fitted parameters of the findings, then nominal ones that recalibration moved."""
     rows = [
         {"label": f"{f['name']}.{name}", **{k: p[k] for k in ("value", "ci95", "unit")}}
         for f in content["findings"]

@@ -131,7 +131,7 @@ def _score(cell: Mapping[str, Any]) -> float:
 def _strip(
     axis: Axes, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], regime: str
 ) -> AxesImage:
-    """One regime: bins of equal width on the page, their bounds below."""
+    """Return one regime: bins of equal width on the page, their bounds below."""
     bounds = sorted({k["low"] for k in cells} | {k["high"] for k in cells})
     score = np.full((len(channels), max(len(bounds) - 1, 1)), np.nan)
     for cell in cells:
@@ -160,7 +160,7 @@ def _strip(
 
 
 def _ticks(bounds: Sequence[float], shown: Sequence[int]) -> list[str]:
-    """Bounds to a hundredth of their span, or as finely as makes them differ."""
+    """Return bounds to a hundredth of their span, or as finely as makes them differ."""
     decimals = max(0, 2 - int(np.ceil(np.log10(max(bounds[-1] - bounds[0], 1e-9)))))
     while decimals < MOST_DECIMALS and len({round(bounds[i], decimals) for i in shown}) < len(
         shown
@@ -221,7 +221,7 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
 def _after_error(
     channels: Mapping[str, Mapping[str, Any]], names: Sequence[str], values: np.ndarray
 ) -> np.ndarray:
-    """Distances (2, k) from ``after`` to the ends of its interval, in units of ``before``."""
+    """Return distances (2, k) from ``after`` to its interval, in units of ``before``."""
     recalibrated = np.array([channels[n]["recalibrated"] / channels[n]["before"] for n in names])
     ci = np.array(
         [[v if v is not None else np.nan for v in channels[n]["reduction_ci95"]] for n in names]
@@ -342,7 +342,7 @@ def over_time(t: Trace) -> Figure:
 
 
 def _limit(axis: Axes, used: np.ndarray, *signals: np.ndarray) -> None:
-    """Limits of an axis by what is used: an impact on the ground would flatten all else."""
+    """Return limits of an axis by what is used: an impact on the ground would flatten all else."""
     values = np.concatenate([s[used & np.isfinite(s)] for s in signals])
     if len(values):
         room = 0.05 * np.ptp(values) or 1.0
@@ -422,7 +422,7 @@ def rollout_growth(
 
 
 def _rms_band(e: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Rms over the starts (k,) and its 95 % bootstrap band (2, k)."""
+    """Return the rms over the starts (k,) and its 95 % bootstrap band (2, k)."""
     # whole rollouts are drawn: errors along one of them are not independent
     drawn = (e[rng.integers(0, len(e), (DRAWS, len(e)))] ** 2).mean(axis=1)
     return np.sqrt((e**2).mean(axis=0)), np.sqrt(np.quantile(drawn, [0.025, 0.975], axis=0))
@@ -451,7 +451,7 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
-    """One line: what is drawn lies between 0 and 1."""
+    """Return one line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
     nominal, two_sds = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
     band = [nominal - two_sds, nominal + two_sds] if nominal is not None else []

@@ -61,7 +61,7 @@ def write_residuals(traces: Sequence[Trace], path: Path) -> None:
 
 
 def _column(t: Trace, values: np.ndarray, name: str) -> np.ndarray:
-    """(m,) of one channel."""
+    """Return (m,) of one channel."""
     if name not in t.channels:
         return np.full(len(t.t_s), np.nan)
     return values[:, t.channels.index(name)]

@@ -63,7 +63,7 @@ def fitted_vehicle(
 
 
 def _estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
-    """Parameters of an effect as they were fitted, with intervals of those that were free."""
+    """Return the fitted parameters of an effect, with intervals of those that were free."""
     fitted, free = accepted.fit, {p for e, p in accepted.fit.free if e == name}
     estimates = {}
     for parameter, value in fitted.effects[name].items():

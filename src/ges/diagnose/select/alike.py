@@ -77,7 +77,7 @@ def alike_of(
 
 
 def _unlikely(regression: Regression, at: Sequence[int], values: np.ndarray) -> float:
-    """Log prior density of coefficients (k,) at their mean over that at their values."""
+    """Return log prior density of coefficients (k,) at their mean over that at their values."""
     prior = regression.prior.take(np.array(at))
     return 0.5 * float((((values - prior.mean) / prior.sd) ** 2).sum())
 

@@ -113,7 +113,7 @@ def _factor(
 def _moments_within(
     low: np.ndarray, high: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance of the standard normal between two bounds with this log mass."""
+    """Return the mean and variance of the standard normal between two bounds with this log mass."""
     # with Z the mass: mean (phi(l) - phi(h)) / Z, variance 1 + (l phi(l) - h phi(h)) / Z - mean^2;
     # a bound at infinity adds nothing, though infinity times zero is no number
     log_root = 0.5 * math.log(2.0 * math.pi)

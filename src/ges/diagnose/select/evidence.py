@@ -420,7 +420,7 @@ def rms_of(system: System) -> np.ndarray:
 
 
 def _prior_scales(system: System, share: float) -> np.ndarray:
-    """Prior sd of every candidate's coefficient, (K,).
+    """Return prior sd of every candidate's coefficient, (K,).
 
     It is the size at which the column makes ``share`` of the reference scale in its greatest
     channel, and no more than is plausible.
@@ -507,7 +507,7 @@ def _prior(system: System) -> Prior:
 
 
 def _bounds(column: DesignColumn) -> tuple[float, float, float]:
-    """Level, lowest and highest coefficient.
+    """Return level, lowest and highest coefficient.
 
     The bounds lie about the level, or are those of the effect's parameter.
     """

@@ -63,7 +63,7 @@ def entries(regression: Regression, candidates: Sequence[Candidate]) -> list[Ent
 
 
 def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
-    """Log priors of variants, given by name and number of places, among those of their name.
+    """Return log priors of variants, given by name and number of places, among those of their name.
 
     Several places are as much rarer than one as several causes are.
     """
@@ -133,7 +133,7 @@ class FreedNuisances:
 
 
 def _freed_nuisances(gram: Gram, prior: Prior, at: Mapping[str, int]) -> FreedNuisances:
-    """From normal equations in which they are left."""
+    """Make it from normal equations in which they are left."""
     columns = np.array(list(at.values()), dtype=int)
     mean, sd = prior.mean[columns], prior.sd[columns]
     # all other nuisances are integrated out by now, the twins about their prior mean here
@@ -216,7 +216,7 @@ class SetScorer:
     def _by_size(
         self, sets: Sequence[Sequence[Entry]]
     ) -> list[tuple[list[int], np.ndarray, tuple]]:
-        """Numbers of sets, their columns and their posteriors, for all of one shape at once."""
+        """Return numbers, columns and posteriors of sets, for all of one shape at once."""
         # sets of one shape are one stack of matrices; few enough at once for the memory
         alike: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
         for i, chosen in enumerate(sets):

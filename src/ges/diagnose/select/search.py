@@ -96,7 +96,7 @@ def cause_count(names: Sequence[str]) -> int:
 
 
 def _log_prior(names: Sequence[str], count: int) -> float:
-    """Log prior of one set of this size among all of them; (7) of docs/method.md."""
+    """Return log prior of one set of this size among all of them; (7) of docs/method.md."""
     size = cause_count(names)
     # (7) of docs/method.md: all sets of one size share the prior of that size
     return float(
@@ -133,7 +133,10 @@ def _can_act_together(names: Sequence[str], base: Sequence[str]) -> bool:
 def _hypotheses_of(
     scorer: SetScorer, combos: Sequence[tuple[Entry, ...]], count: int
 ) -> dict[tuple[str, ...], Hypothesis]:
-    """Hypotheses of every set of names: evidence averaged over variants, the best variant kept."""
+    """Return the hypotheses of every set of names, with the best variants.
+
+    Evidence is averaged over variants.
+    """
     share = np.array([sum(e.log_share for e in combo) for combo in combos])
     weight = scorer.log_evidences(combos) + share
     grouped: dict[tuple[str, ...], list[int]] = {}

@@ -102,7 +102,7 @@ def _search_and_noise(
 
 
 def _probable(result: SearchResult, system: System) -> dict[int, float]:
-    """Columns and coefficients of the best set, of names that are more probable than not.
+    """Return columns and coefficients of the best set, of names that are more probable than not.
 
     Which of a family it is makes no difference to the residual.
     """
@@ -125,7 +125,9 @@ def _hidden_in_noise(
     candidates: Sequence[Candidate],
     base: Sequence[str],
 ) -> list[tuple[int, ...]]:
-    """Columns of variants, one of an effect, that explain most of a noisy channel, the best first.
+    """Return columns of variants that explain most of a noisy channel, the best first.
+
+    There is one variant of each effect.
 
     Channels count where some flights are noisy and others are not.
     """
@@ -167,7 +169,7 @@ def _effects(system: System, chosen: Sequence[int]) -> set[str]:
 def _explained_share(
     system: System, channel: int, residuals: Sequence[np.ndarray], listed: Sequence[int]
 ) -> np.ndarray:
-    """Share of the residuals (m,) by flight that each of these columns explains alone."""
+    """Return the share of the residuals (m,) that each of these columns explains alone."""
     xy, xx, yy = np.zeros(len(listed)), np.zeros(len(listed)), 0.0
     for e, r in zip(residuals, system.flights, strict=True):
         good = np.isfinite(e)

@@ -214,7 +214,7 @@ class Diagnosis:
         return f"Diagnosis({self.verdict}: {', '.join(names) or 'no name'})"
 
     def _repr_html_(self) -> str:
-        """Verdict, sentence and findings, as a notebook shows them."""
+        """Return verdict, sentence and findings, as a notebook shows them."""
         rows = "".join(
             f"<tr><td>{html.escape(f.title)} {html.escape(f.place)}</td>"
             f"<td>{f.probability:.2f}</td><td>{html.escape(_numbers(f.parameters))}</td></tr>"

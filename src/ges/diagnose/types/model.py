@@ -171,7 +171,7 @@ def _relative(quantity: Quantity | None) -> float:
 
 
 def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
-    """Value and sd of a number of the vehicle file, None where the file has none.
+    """Return the value and sd of a number of the vehicle file, None where the file has none.
 
     The path is ``mass_kg`` or ``inertia_kg_m2.xx``.
     """
@@ -185,7 +185,7 @@ def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
 
 
 def _prior_sds(vehicle: Vehicle) -> dict[str, float]:
-    """Prior sds by ``effect.parameter`` of the effects that correct numbers of the file.
+    """Return prior sds by ``effect.parameter`` of the effects that correct numbers of the file.
 
     They are relative where the correction has no unit.
     """
