@@ -194,14 +194,16 @@ def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarr
 def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
     """Return the normal equations of one more flight, in the noise of the flights so far."""
     system, columns = regression.system, [regression.system.columns[k] for k in keep]
-    made = flight_rows(
+    flight_of_rows = flight_rows(
         flight, system.model, system.names, columns, system.flights[0].windows.length_s
     )
     weight = settings.evidence.tempering
     # h of equation (4), over the median of the flights so far: their noise model is in that unit
     usual = np.median(np.concatenate([r.covariate for r in system.flights])) or 1.0
     return flight_grams(
-        whiten([made], regression.noise, [made.covariate / usual]), columns, weight
+        whiten([flight_of_rows], regression.noise, [flight_of_rows.covariate / usual]),
+        columns,
+        weight,
     )[0]
 
 

@@ -10,12 +10,12 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 
 
-def unexplained_structures(found: Sequence[Structure], model: Model) -> list[Structure]:
+def unexplained_structures(structures: Sequence[Structure], model: Model) -> list[Structure]:
     """Select the structures that stay unexplained.
 
     Parameters
     ----------
-    found : structures in the residuals of the accepted model.
+    structures : structures in the residuals of the accepted model.
     model : for reference scales, and structure that the calibration flights show.
 
     Returns
@@ -30,8 +30,8 @@ def unexplained_structures(found: Sequence[Structure], model: Model) -> list[Str
     """
     r2 = settings.statistics.least_gain
     large = [
-        *reported_structures(found, model),
-        *clear_structures(found, model, r2, settings.decide.form_margin),
+        *reported_structures(structures, model),
+        *clear_structures(structures, model, r2, settings.decide.form_margin),
     ]
     best: dict[str, Structure] = {}
     for s in sorted([s for s in large if not s.of_size] or large, key=lambda s: (-s.r2, s.regime)):

@@ -370,7 +370,7 @@ def endogenous_parts(
     -----
     Shapes of one parameter are endogenous alike: its first column stands for them.
     """
-    found: dict[tuple[str, int], dict[str, np.ndarray]] = {}
+    parts: dict[tuple[str, int], dict[str, np.ndarray]] = {}
     for kind, part in PARTS:
         at = _columns_of(kind, keys, on)
         own = [keys[k] for k in at]
@@ -379,8 +379,8 @@ def endogenous_parts(
             values = part(x.of(c, at)[air], own, channel)
             if values is not None:
                 columns = _in_all_windows(air, values).T
-                found[kind, c] = dict(zip(own, columns, strict=True))
-    return found
+                parts[kind, c] = dict(zip(own, columns, strict=True))
+    return parts
 
 
 def merge_endogenous_parts(

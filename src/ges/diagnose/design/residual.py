@@ -368,13 +368,13 @@ def fly_drives(
     names : channels; without ``drive_1`` the commands are not flown where speeds were logged.
     """
     if not flight.has("rotor_speed"):
-        return [Drive(made, made) for made in _commanded_speeds_of_each(flight, model, sets)]
+        return [Drive(speeds, speeds) for speeds in _commanded_speeds_of_each(flight, model, sets)]
     commanded = (
         _commanded_speeds_of_each(flight, model, sets) if "drive_1" in names else [None] * len(sets)
     )
     return [
-        Drive(acting_speeds(flight, model, e), made)
-        for e, made in zip(sets, commanded, strict=True)
+        Drive(acting_speeds(flight, model, e), speeds)
+        for e, speeds in zip(sets, commanded, strict=True)
     ]
 
 

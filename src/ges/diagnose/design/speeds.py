@@ -94,8 +94,8 @@ def _level(readings: np.ndarray) -> np.ndarray:
     def innovations(log_gain: float) -> float:
         return float(np.mean((readings[1:] - _smooth(readings, np.exp(log_gain))[:-1]) ** 2))
 
-    found = minimize_scalar(innovations, bounds=(-np.log(len(readings)), 0.0), method="bounded")
-    gain = float(np.exp(found.x))
+    optimum = minimize_scalar(innovations, bounds=(-np.log(len(readings)), 0.0), method="bounded")
+    gain = float(np.exp(optimum.x))
     return _smooth(_smooth(readings, gain)[::-1], gain)[::-1]
 
 

@@ -581,19 +581,21 @@ def flight_rows(
     base = evaluate(flight, windows, model, here)
     y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
-    known, made = known_columns or {}, {c.recipe: c for c in columns}
-    known_key = {of: c.key if c.nuisance else of for of, c in made.items()}
-    new = {of: c for of, c in made.items() if known_key[of] not in known}
+    known, by_recipe = known_columns or {}, {c.recipe: c for c in columns}
+    known_key = {recipe: c.key if c.nuisance else recipe for recipe, c in by_recipe.items()}
+    new = {recipe: c for recipe, c in by_recipe.items() if known_key[recipe] not in known}
     # drives of all new columns are flown as one batch; what remembers its path goes as many at a
     # time as the simulator has lanes, for a replay of a long flight is large
     drives = _fly_additions(flight, model, here, _additions(model, new.values()))
     evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
-    values = {of: known[known_key[of]] for of in made if of not in new}
+    values = {recipe: known[known_key[recipe]] for recipe in by_recipe if recipe not in new}
     to_compute = list(new.items())
     for first in range(0, len(to_compute), MOST_LANES):
         batch = to_compute[first : first + MOST_LANES]
         outputs = _replay_additions(flight, model, base, _additions(model, (c for _, c in batch)))
-        values |= {of: dataclasses.replace(evaluator, outputs=outputs).column(c) for of, c in batch}
+        values |= {
+            recipe: dataclasses.replace(evaluator, outputs=outputs).column(c) for recipe, c in batch
+        }
     x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
     # a beam that tilted a little further would see no ground
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)

@@ -110,8 +110,8 @@ def pick_columns(values: np.ndarray, at: np.ndarray, wanted: Indices) -> np.ndar
     -------
     (m, w), zero where a column is not stored.
     """
-    asked = np.asarray(wanted, dtype=int)
+    numbers = np.asarray(wanted, dtype=int)
     if not len(at):
-        return np.zeros((len(values), len(asked)))
-    place = np.minimum(np.searchsorted(at, asked), len(at) - 1)
-    return values[:, place] * (at[place] == asked)
+        return np.zeros((len(values), len(numbers)))
+    place = np.minimum(np.searchsorted(at, numbers), len(at) - 1)
+    return values[:, place] * (at[place] == numbers)

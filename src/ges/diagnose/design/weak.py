@@ -114,12 +114,12 @@ def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list
     -------
     By flight, (m,).
     """
-    found, first = [], 0
+    blocks, first = [], 0
     for windows, start_s in flights:
         number = ((windows.center_s - start_s) // length_s).astype(int) + first
-        found.append(number)
+        blocks.append(number)
         first = int(number.max(initial=first)) + 1
-    return found
+    return blocks
 
 
 def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -165,21 +165,21 @@ def higher_order_functions(
     bump's average.
     """
     s, phi, slope = _bump(half)
-    made = [np.stack([phi, slope])]
+    functions = [np.stack([phi, slope])]
     for k in range(1, count + 1):
         c, w = np.cos(np.pi * k * s), np.sin(np.pi * k * s)
         # to each function minus its derivative, by the product rule
-        made += [
+        functions += [
             np.stack([phi * w, slope * w - np.pi * k * phi * c]),
             np.stack([phi * c, slope * c + np.pi * k * phi * w]),
         ]
     # Gram-Schmidt on the functions; derivatives take part, being linear in them
-    for i, pair in enumerate(made):
-        for other in made[:i]:
+    for i, pair in enumerate(functions):
+        for other in functions[:i]:
             pair = pair - (pair[0] @ other[0]) * other
-        made[i] = pair / np.linalg.norm(pair[0])
+        functions[i] = pair / np.linalg.norm(pair[0])
     size, reach_s = np.linalg.norm(phi) / phi.sum(), (half + 1.0) * step_s
-    return [(size * pair[0], size * pair[1] / reach_s) for pair in made[1:]]
+    return [(size * pair[0], size * pair[1] / reach_s) for pair in functions[1:]]
 
 
 def make_windows(

@@ -317,16 +317,17 @@ def whiten(
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_prediction_filter(ar) if short else _full_filter(ar)[None] for ar in noise.ar]
-    made = [
+    whitened = [
         _whiten_flight(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)
     ]
     # one kind of response has one cause over all flights and channels, so they are bounded
     # together; the disturbance is larger than the noise by all that chosen effects explain
-    for kind in dict.fromkeys(kind for _, endogenous in made for kind, _ in endogenous):
+    for kind in dict.fromkeys(kind for _, endogenous in whitened for kind, _ in endogenous):
         of_kind = [
-            {c: part for (k, c), part in endogenous.items() if k == kind} for _, endogenous in made
+            {c: part for (k, c), part in endogenous.items() if k == kind}
+            for _, endogenous in whitened
         ]
-        for (parts, _), errors in zip(made, _error_bounds(of_kind), strict=True):
+        for (parts, _), errors in zip(whitened, _error_bounds(of_kind), strict=True):
             parts.update(
                 {
                     c: parts[c].with_feedback_errors(error * noise.disturbance[c])
@@ -335,7 +336,7 @@ def whiten(
             )
     return tuple(
         White(tuple(parts.values()), rows.x.shape[2])
-        for rows, (parts, _) in zip(flights, made, strict=True)
+        for rows, (parts, _) in zip(flights, whitened, strict=True)
     )
 
 

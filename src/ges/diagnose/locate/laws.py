@@ -74,17 +74,17 @@ def candidate_places(system: System) -> list[tuple[float, float, float]]:
     """
     x, y = _ground_track(system)
     across = max(float(np.ptp(x)), float(np.ptp(y)))
-    found = []
+    places = []
     for halved in (2, 3, 4) if across > 0.0 else ():
         width = _round_place(across / 2**halved)
         cells = {
             (round(a / width), round(b / width))
             for a, b in zip(x.tolist(), y.tolist(), strict=True)
         }
-        found += [
+        places += [
             (_round_place(a * width), _round_place(b * width), width) for a, b in sorted(cells)
         ]
-    return found
+    return places
 
 
 def _ground_track(system: System) -> tuple[np.ndarray, np.ndarray]:
@@ -143,15 +143,15 @@ def term_columns(terms: Sequence[Term], system: System, model: Model) -> list[np
     -------
     By flight, (m, terms) in N or N m.
     """
-    found = []
+    columns = []
     for rows in system.flights:
         state, _ = replay_model(rows.flight, model, model.effects)
         samples = effect_table.Samples.from_columns(state)
         effects = {k: v for k, v in without_actuators(model.effects).items() if k != LAW}
-        found.append(
+        columns.append(
             rows.windows.mean @ along(terms, model.parameters, samples, effects, model.terrain)
         )
-    return found
+    return columns
 
 
 @dataclasses.dataclass(frozen=True)

@@ -64,28 +64,28 @@ def regime_variables(flight: Prepared, windows: Windows, model: Model) -> dict[s
     """
     at = windows.center
     columns, model_output = replay_model(flight, model, model.effects)
-    found = {"time_s": windows.center_s - flight.t_s[0]}
+    variables = {"time_s": windows.center_s - flight.t_s[0]}
     if "p_z_m" in columns:
         # as the rotors have it: each over the ground below it, which may be uneven
         height = model_output.stack(*rotor_columns("rotor_height_{}_m", model.n_rotors)).mean(
             axis=1
         )
-        found["height_over_radius"] = height[at] / model.radius_m
+        variables["height_over_radius"] = height[at] / model.radius_m
     if flight.has("velocity"):
         v = flight.stack("velocity")[at]
-        found |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
+        variables |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
         if flight.has("attitude") and "attitude" not in flight.derived:
             along = to_body(flight.stack("attitude")[at], v)
-            found |= {
+            variables |= {
                 "forward_m_s": along[:, 0],
                 "left_m_s": along[:, 1],
                 "along_thrust_m_s": along[:, 2],
             }
     if flight.has("position"):
-        found |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
+        variables |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
     if flight.has("battery"):
-        found["battery_V"] = flight.columns["battery_V"][at]
-    return found
+        variables["battery_V"] = flight.columns["battery_V"][at]
+    return variables
 
 
 def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
@@ -140,13 +140,13 @@ def least_rms(block: str, whole: float) -> float:
 
 
 def clear_structures(
-    found: Sequence[Structure], model: Model, least_r2: float, margin: float = 1.0
+    structures: Sequence[Structure], model: Model, least_r2: float, margin: float = 1.0
 ) -> list[Structure]:
     """Select structures that are significant, predict enough, and are large enough to matter.
 
     Parameters
     ----------
-    found : structures of a stage.
+    structures : structures of a stage.
     model : for reference scales, and structure that the calibration flights show.
     least_r2 : share of the variance, 0 to 1, that a structure must predict.
     margin : factor on the rms that it must reach.
@@ -158,22 +158,22 @@ def clear_structures(
     """
     likely = [
         s
-        for s in found
+        for s in structures
         if s.q_value <= settings.statistics.chance
         and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
     ]
     return [s for s in likely if s.rms > _least_rms_of(s, model, margin)]
 
 
-def reported_structures(found: Sequence[Structure], model: Model) -> list[Structure]:
+def reported_structures(structures: Sequence[Structure], model: Model) -> list[Structure]:
     """Select the structures that are reported.
 
     Parameters
     ----------
-    found : structures of a stage.
+    structures : structures of a stage.
     model : as for :func:`clear_structures`.
     """
-    return clear_structures(found, model, settings.locate.r2_least)
+    return clear_structures(structures, model, settings.locate.r2_least)
 
 
 def _least_r2_of_size(s: Structure) -> float:
@@ -194,7 +194,10 @@ def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
 
 
 def regime_cells(
-    system: System, raw: Sequence[np.ndarray], regime_values: Regimes, found: Sequence[Structure]
+    system: System,
+    raw: Sequence[np.ndarray],
+    regime_values: Regimes,
+    structures: Sequence[Structure],
 ) -> list[Cell]:
     """Compute the mean residual of every channel in every bin of every regime variable.
 
@@ -203,7 +206,7 @@ def regime_cells(
     system : of the flights.
     raw : by flight, (m, C) residuals in the channels' units after the fit of the nuisances alone.
     regime_values : of :func:`regimes_of`.
-    found : structures of the same residuals.
+    structures : structures of the same residuals.
 
     Notes
     -----
@@ -217,16 +220,16 @@ def regime_cells(
     }
     chance = {
         (s.channel, s.regime[0]): s.q_value
-        for s in reported_structures(found, system.model)
+        for s in reported_structures(structures, system.model)
         if len(s.regime) == 1 and not s.of_size
     }
-    made: list[Cell] = []
+    cells: list[Cell] = []
     for c, channel in enumerate(system.main):
         e = np.concatenate([without_mean(r)[:, c] for r in raw])
         used = np.isfinite(e)
         for name, value in values.items():
             if used.any() and np.ptp(value[used]) > settings.numerics.small:
-                made += _cells_of(
+                cells += _cells_of(
                     channel,
                     name,
                     value[used],
@@ -234,7 +237,7 @@ def regime_cells(
                     block[used],
                     chance.get((channel, name), 1.0),
                 )
-    return made
+    return cells
 
 
 def _bins(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -288,14 +291,14 @@ def _standard_error(e: np.ndarray, block: np.ndarray) -> float:
 
 
 def located_by_residuals(
-    made: Sequence[Cell], found: Sequence[Structure], system: System
+    cells: Sequence[Cell], structures: Sequence[Structure], system: System
 ) -> list[dict]:
     """Return entries of ``located`` from the residuals of the recalibrated vehicle.
 
     Parameters
     ----------
-    made : cells of :func:`regime_cells`.
-    found : structures of the same residuals.
+    cells : cells of :func:`regime_cells`.
+    structures : structures of the same residuals.
     system : of the flights.
 
     Notes
@@ -303,10 +306,14 @@ def located_by_residuals(
     Neighbouring significant cells of one sign are joined. Places count where no single variable
     shows the channel.
     """
-    size = {(s.channel, s.regime[0]): s.rms for s in found if len(s.regime) == 1 and not s.of_size}
-    entries = _merge_cells([c for c in made if c.q_value <= settings.statistics.chance], made, size)
+    size = {
+        (s.channel, s.regime[0]): s.rms for s in structures if len(s.regime) == 1 and not s.of_size
+    }
+    entries = _merge_cells(
+        [c for c in cells if c.q_value <= settings.statistics.chance], cells, size
+    )
     channels = {item["channel"] for item in entries}
-    for s in sorted(reported_structures(found, system.model), key=lambda s: -s.r2):
+    for s in sorted(reported_structures(structures, system.model), key=lambda s: -s.r2):
         if s.channel not in channels:
             channels.add(s.channel)
             entries.append(
@@ -323,21 +330,21 @@ def located_by_residuals(
 
 
 def _merge_cells(
-    kept: Sequence[Cell], made: Sequence[Cell], size: Mapping[tuple[str, str], float]
+    kept: Sequence[Cell], cells: Sequence[Cell], size: Mapping[tuple[str, str], float]
 ) -> list[dict]:
-    out: list[dict] = []
+    entries: list[dict] = []
     for channel, regime in dict.fromkeys((c.channel, c.regime) for c in kept):
         chain: list[Cell] = []
-        here = [c for c in made if (c.channel, c.regime) == (channel, regime)]
+        here = [c for c in cells if (c.channel, c.regime) == (channel, regime)]
         # None closes a chain that runs to the last cell
         for cell in [*here, None]:
             significant = cell if cell and cell.q_value <= settings.statistics.chance else None
             if chain and (not significant or np.sign(significant.mean) != np.sign(chain[-1].mean)):
-                out.append({**_join_cells(chain), "energy": size[channel, regime] ** 2})
+                entries.append({**_join_cells(chain), "energy": size[channel, regime] ** 2})
                 chain = []
             if significant:
                 chain.append(significant)
-    return out
+    return entries
 
 
 def _join_cells(chain: Sequence[Cell]) -> dict:

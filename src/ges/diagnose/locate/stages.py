@@ -60,13 +60,13 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
     residuals = without_mean_balance(raw_residuals(regression.system, joint), regression.system)
     # a drive on the ground is no regime of flight, and would pass for structure
     residuals_in_air = only_in_air(residuals, regression.system)
-    found = structures(
+    found_structures = structures(
         residuals_in_air,
         regimes,
         regression.system.main,
         regression.system.blocks(settings.statistics.block_s),
     )
-    return Stage(model, joint, regression, residuals, residuals_in_air, found)
+    return Stage(model, joint, regression, residuals, residuals_in_air, found_structures)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,12 +143,12 @@ def nested_parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:
     ----------
     Bottou, Curtis and Nocedal 2018, SIAM Rev. 60, 223.
     """
-    found: list[list[Prepared]] = []
+    parts: list[list[Prepared]] = []
     some = list(flights)
     while max(_seconds(f) for f in some) >= 4.0 * settings.advise.duration_s:
         some = [_middle(f, max(0.25 * _seconds(f), settings.advise.duration_s)) for f in some]
-        found.append(some)
-    return found[::-1]
+        parts.append(some)
+    return parts[::-1]
 
 
 def _seconds(flight: Prepared) -> float:

@@ -295,7 +295,7 @@ def _mean_structures(
     by_flight = np.zeros(count, dtype=int)
     by_flight[block] = np.repeat(np.arange(len(residuals)), [len(r) for r in residuals])
     e = np.concatenate(residuals)
-    found: dict[int, list[tuple[Structure, np.ndarray]]] = {}
+    by_channel: dict[int, list[tuple[Structure, np.ndarray]]] = {}
     # channels that are there in the same windows share the basis and its inverses
     for channels in _channels_with_equal_windows(e):
         used = np.isfinite(e[:, channels[0]])
@@ -313,8 +313,8 @@ def _mean_structures(
                 [names[c] for c in channels], basis, e[np.ix_(used, channels)], of_block, signs
             )
             for c, of_channel in zip(channels, tested, strict=True):
-                found.setdefault(c, []).append(of_channel)
-    listed = [of_channel for c in sorted(found) for of_channel in found[c]]
+                by_channel.setdefault(c, []).append(of_channel)
+    listed = [of_channel for c in sorted(by_channel) for of_channel in by_channel[c]]
     return _with_q_values(
         [tested for tested, _ in listed], np.array([draws for _, draws in listed])
     )
@@ -351,9 +351,11 @@ def _size_structures(
     values = {
         name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
     }
-    found = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
+    structures = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
     pooled = np.concatenate(energy)
-    return [_as_size_structure(s, pooled[:, list(names).index(s.channel)], values) for s in found]
+    return [
+        _as_size_structure(s, pooled[:, list(names).index(s.channel)], values) for s in structures
+    ]
 
 
 def _as_size_structure(

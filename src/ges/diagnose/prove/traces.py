@@ -164,12 +164,12 @@ def excluded_spans(flight: Prepared) -> tuple[Span, ...]:
     ----------
     flight : prepared recording.
     """
-    found = []
+    spans = []
     for reason, at in flight.excluded.items():
         # padded, so that every stretch turns on and off, one at an end of the flight too
         turns = np.flatnonzero(np.diff(np.r_[False, at, False].astype(np.int8)))
         ends = np.r_[flight.t_s, flight.t_s[-1] + flight.dt_s]
-        found += [
+        spans += [
             Span(float(ends[a]), float(ends[b]), reason) for a, b in list(pairwise(turns))[::2]
         ]
-    return tuple(sorted(found, key=lambda span: (span.start_s, span.end_s, span.reason)))
+    return tuple(sorted(spans, key=lambda span: (span.start_s, span.end_s, span.reason)))

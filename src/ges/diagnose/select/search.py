@@ -172,18 +172,18 @@ def search(
     scorer = set_scorer(regression, listed)
     count = max(len({e.name for e in listed}), 1)
     nothing = _log_prior((), count)
-    found: dict[tuple[str, ...], Hypothesis] = {
+    hypotheses: dict[tuple[str, ...], Hypothesis] = {
         (): Hypothesis((), (), Posterior.empty(), nothing, log_prior=nothing)
     }
     combos = [(e,) for e in listed] + [
         p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name
     ]
-    found |= _hypotheses_of(
+    hypotheses |= _hypotheses_of(
         scorer, [c for c in combos if _can_act_together([e.name for e in c], base)], count
     )
     # beam: a larger set has one of the best sets so far, with its best variants, and one name more
     for size in range(2, len(settings.search.size_probabilities) - 1):
-        grown = [h for h in found.values() if len(h.names) == size]
+        grown = [h for h in hypotheses.values() if len(h.names) == size]
         top = sorted(grown, key=lambda h: -h.log_evidence)[: settings.search.beam]
         by_number = {e.number: e for e in listed}
         larger = [
@@ -193,9 +193,9 @@ def search(
             if e.name not in h.names and _can_act_together([*h.names, e.name], base)
         ]
         for names, h in _hypotheses_of(scorer, larger, count).items():
-            if names not in found or found[names].log_evidence < h.log_evidence:
-                found[names] = h
-    return _normalise(list(found.values()))
+            if names not in hypotheses or hypotheses[names].log_evidence < h.log_evidence:
+                hypotheses[names] = h
+    return _normalise(list(hypotheses.values()))
 
 
 def log_evidence_over_plain(
