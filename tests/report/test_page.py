@@ -1,5 +1,7 @@
 """The page: whole without a network, every block of diagnosis.json, nothing that none acts on."""
 
+import base64
+import hashlib
 import json
 import re
 import shutil
@@ -49,6 +51,14 @@ def test_needs_no_network_and_no_other_file(content, traces):
     parsed = Parsed(text)
     assert parsed.sources and all(s.startswith("data:image/png;base64,") for s in parsed.sources)
     assert "default-src 'none'" in text and "@import" not in text and "url(" not in text
+
+
+def test_a_page_runs_its_own_scripts_alone(content, traces):
+    text = page.render(content, {}, traces)
+    scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.S)
+    digests = [base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts]
+    named = " ".join(f"'sha256-{digest}'" for digest in digests)
+    assert len(scripts) == 2 and f"script-src {named}" in text
 
 
 def test_blocks_come_in_their_order(content, traces):
@@ -310,8 +320,6 @@ def test_a_browser_draws_the_charts_and_reports_no_error(content, traces, tmp_pa
 
 
 def test_the_charts_hold_the_signals(content, traces):
-    import base64
-
     import numpy as np
 
     text = page.render(content, {}, traces)

@@ -21,6 +21,7 @@ import pytest
 import test_cut_short
 import test_ros
 import yaml
+from click.testing import CliRunner
 from command_line import EXAMPLE
 from diagnosis_content import CONTENT
 from hypothesis import given
@@ -30,6 +31,7 @@ from strategies import LEAVES, damaged_bytes, damaged_trees, examples
 from writers import motion
 
 import ges
+from ges.commands import compare, explain
 from ges.conventions import (
     BODY_RATE,
     POSITION,
@@ -39,7 +41,6 @@ from ges.conventions import (
     command,
     rotor_speed,
 )
-from ges.diagnose.report import compare, explain
 from ges.diagnose.report.saved import load_diagnosis
 from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
@@ -316,14 +317,14 @@ def test_damaged_parquet(folder, data):
 
 
 def read_diagnosis(path: Path) -> None:
-    content = load_diagnosis(path)
-    explain.overview(content)
-    for name in ("rotor_drag", "wind", "battery_sag"):
+    for verb, *words in (
+        (explain.command, path),
+        *((explain.command, path, name) for name in ("rotor_drag", "wind", "battery_sag")),
+        (compare.command, path, path, "--html", path.with_suffix(".html")),
+    ):
         with contextlib.suppress(GesError):
-            explain.of_name(content, name)
-    both = compare.compare(content, content, ["a", "b"])
-    compare.as_text(both)
-    compare.write_html(both, path.with_suffix(".html"))
+            CliRunner().invoke(verb, [str(word) for word in words], catch_exceptions=False)
+    load_diagnosis(path)
 
 
 @pytest.mark.slow

@@ -14,14 +14,19 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from command_line import EXAMPLE, GES, contents, environment, one_sentence, run
 
 from ges.blind.protocol.run import finished
+from ges.conventions import MOST_NUMBERS
 from ges.diagnose.report.saved import load_diagnosis
 from ges.errors import GesError, UsageError
 from ges.files import NEW, read_kept, replacing_together, require_file, require_text
 from ges.provenance.runs import load_manifest
+from ges.recordings.readers import open_log
 from ges.recordings.recording import load_set
 from ges.ui.folder import Workspace
 
@@ -85,6 +90,30 @@ def test_a_small_file_system(tmp_path, small):
         assert "No space left on device" in said and not contents(disk / "out")
     finally:
         subprocess.run(["umount", disk], check=True)
+
+
+# More than there is memory for.
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "sentence"),
+    [
+        (["--duration", "1e6"], 2, "a manoeuvre lasts 191740 s at most"),
+        (["--duration", "1000", "--set", "record_every=1", "--set", "dt_s=1e-5"], 1, "fly shorter"),
+    ],
+)
+def test_a_flight_that_fits_into_no_memory_is_refused(tmp_path, more, code, sentence):
+    words = [*SHORT[:2], *more, "--out", tmp_path / "flight.parquet"]
+    assert sentence in one_sentence(run(*words), code)
+
+
+def test_a_parquet_file_of_a_few_kilobytes_may_not_ask_for_gigabytes(tmp_path):
+    """Of one value over and over: a thousandth of what it stands for, 8 bytes a number."""
+    path, same = tmp_path / "flight.parquet", pa.array(np.zeros(2**19, dtype=np.int8))
+    pq.write_table(pa.table({f"u_{k}": same for k in range(257)}), path, compression="zstd")
+    assert MOST_NUMBERS < 2**19 * 257 and path.stat().st_size < MOST_NUMBERS / 200
+    with pytest.raises(GesError, match="at most"):
+        open_log(path)
 
 
 # Places that cannot be written to.

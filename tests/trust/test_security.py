@@ -75,6 +75,7 @@ def test_a_page_loads_nothing_and_sends_nothing():
     rules = dict(rule.strip().split(" ", 1) for rule in policy[1].split(";"))
     assert rules["default-src"] == "'none'" and rules["img-src"] == "data:"
     assert not {"connect-src", "form-action", "frame-src"} & set(rules)
+    assert rules["script-src"] == "'none'"
 
 
 # Files that lead elsewhere, or grow.

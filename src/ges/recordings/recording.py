@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from ges.conventions import (
     BODY_RATE,
     MAX_ROTORS,
+    MOST_NUMBERS,
     POSITION,
     POSITION_REF,
     QUATERNION,
@@ -56,9 +57,6 @@ _UNITS = {
 
 _FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
 _LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
-
-MOST_NUMBERS = 2**27
-"""In one file: an hour at 1 kHz of 37 columns, a gigabyte."""
 
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
 _PLAUSIBLE = (

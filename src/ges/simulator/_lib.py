@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ges.conventions import MOST_NUMBERS
 from ges.errors import GesError
 
 ABI = 9
@@ -383,8 +384,14 @@ def fly(
     library, kept, batch = load(), [], (CFlight * len(flights))()
     for c, (parameters, effects, grid, inputs) in zip(batch, flights, strict=True):
         parameters = contiguous(parameters)
+        rows = library.ges_rows(_pointer(parameters))
+        if rows * len(columns) > MOST_NUMBERS:
+            raise GesError(
+                f"a flight of {rows} rows and {len(columns)} columns; at most {MOST_NUMBERS}"
+                " numbers are recorded, so fly shorter or raise record_every"
+            )
         # what is not reached, behind a state that stopped being finite, stays NaN
-        out = np.full((max(library.ges_rows(_pointer(parameters)), 0), len(columns)), np.nan)
+        out = np.full((rows, len(columns)), np.nan)
         c.parameters, c.effects, c.grid, c.out, c.n_rows = (
             _pointer(parameters),
             effects,

@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from ges.errors import GesError, unknown_name
+from ges.conventions import MOST_NUMBERS
+from ges.errors import GesError, UsageError, unknown_name
 
 STEP_S = 0.02
 COLUMNS = (
@@ -217,7 +218,7 @@ def make(name: str, duration_s: float | None = None) -> np.ndarray:
     Raises
     ------
     UsageError
-        When the name is not in :data:`MENU`.
+        When the name is not in :data:`MENU`, or the table would not fit into memory.
 
     Examples
     --------
@@ -226,7 +227,14 @@ def make(name: str, duration_s: float | None = None) -> np.ndarray:
     """
     if name not in MENU:
         raise unknown_name("manoeuvre", name, MENU)
-    return MENU[name]() if duration_s is None else MENU[name](duration_s)
+    if duration_s is None:
+        return MENU[name]()
+    longest_s = MOST_NUMBERS / len(COLUMNS) * STEP_S
+    if not duration_s <= longest_s:
+        raise UsageError(
+            f"duration is {duration_s:g} s; a manoeuvre lasts {longest_s:.0f} s at most"
+        )
+    return MENU[name](duration_s)
 
 
 def to_frame(table: np.ndarray) -> pd.DataFrame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import functools
+import hashlib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -69,6 +70,13 @@ def _asset(name: str) -> Markup:
     return Markup(resources.files("ges.diagnose.report").joinpath(name).read_text("utf-8"))
 
 
+@functools.lru_cache
+def _hash_of(name: str) -> Markup:
+    """Return a script of the package as a content security policy names it."""
+    digest = hashlib.sha256(_asset(name).encode()).digest()
+    return Markup(f"'sha256-{base64.b64encode(digest).decode()}'")
+
+
 @functools.lru_cache(maxsize=1)
 def environment() -> jinja2.Environment:
     """Return the templates of the pages, with the filters that they use.
@@ -85,7 +93,7 @@ def environment() -> jinja2.Environment:
         # a key that a diagnosis does not have leaves its place empty, and is no error
         undefined=jinja2.ChainableUndefined,
     )
-    templates.globals["asset"] = _asset
+    templates.globals |= {"asset": _asset, "hash_of": _hash_of}
     templates.filters.update(
         number=words.number_words,
         percent=words.percent_words,
