@@ -248,35 +248,6 @@ def test_a_diagnosis_that_is_killed_at_any_moment(tmp_path, small, known):
     assert contents(out) == known
 
 
-@pytest.mark.slow
-def test_a_blind_run_that_is_killed_goes_on(tmp_path):
-    """Verdicts are the same to the last byte, and those that were there are not made again."""
-
-    def verdicts(folder: str) -> dict[str, bytes]:
-        found = (tmp_path / folder / "diagnosed").glob("*/diagnosis.json")
-        return {path.parent.name: path.read_bytes() for path in found}
-
-    made = run("blind", "make", "--seed", "3", "--grid", "smoke", "--out", "one", cwd=tmp_path)
-    assert made.returncode == 0, made.stderr
-    shutil.copytree(tmp_path / "one", tmp_path / "two")
-    assert run("blind", "run", "one", cwd=tmp_path, timeout=600).returncode == 0
-    draw = random.Random(43)
-    for _ in range(6):
-        child = subprocess.Popen(
-            [GES, "blind", "run", "two"],
-            cwd=tmp_path,
-            env=environment(),
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        time.sleep(draw.uniform(0.5, 6.0))
-        os.killpg(child.pid, signal.SIGKILL)
-        child.wait()
-        assert verdicts("two").items() <= verdicts("one").items()
-    assert run("blind", "run", "two", cwd=tmp_path, timeout=600).returncode == 0
-    assert verdicts("two") == verdicts("one") and verdicts("one")
-
-
 # A person who stops it, and a reader who has seen enough.
 
 
