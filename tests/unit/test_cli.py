@@ -59,6 +59,11 @@ def run(*words: str) -> subprocess.CompletedProcess:
             "unknown parameter 'mass'",
         ),
         (
+            ["simulate", "appius", "--set", "rotors=inf", "--out", "x"],
+            2,
+            "rotors is inf; allowed is 1 to 16",
+        ),
+        (
             ["simulate", "appius", "--set", "dt_s=-1", "--out", "x"],
             1,
             "dt_s is -1 s; allowed is",

@@ -87,8 +87,17 @@ def rotors_of(given: Mapping[str, float | str]) -> int:
     Parameters
     ----------
     given : numbers of a flight by name; the simulator's default where ``rotors`` is missing.
+
+    Raises
+    ------
+    UsageError
+        When no vehicle has so many.
     """
-    return int(given.get("rotors", parameters()["rotors"].default))
+    count = float(given.get("rotors", parameters()["rotors"].default))
+    # asked before the simulator checks its numbers
+    if not 1 <= count <= MAX_ROTORS:
+        raise UsageError(f"rotors is {count:g}; allowed is 1 to {MAX_ROTORS}")
+    return int(count)
 
 
 @functools.lru_cache(maxsize=MAX_ROTORS)
