@@ -7,6 +7,22 @@ import re
 from collections.abc import Iterable
 
 
+def visible(text: str) -> str:
+    """Write control characters out: a log may name anything, commands to a terminal among it.
+
+    Parameters
+    ----------
+    text : one line for a person.
+
+    Examples
+    --------
+    >>> from ges.errors import visible
+    >>> visible("two\\nlines") == r"two\\nlines"
+    True
+    """
+    return re.sub("[\x00-\x1f\x7f-\x9f\ud800-\udfff]", lambda met: repr(met[0])[1:-1], text)
+
+
 class GesError(Exception):
     """A request that could not be carried out, with one sentence for a person.
 
@@ -30,10 +46,7 @@ class GesError(Exception):
     exit_code = 1
 
     def __str__(self) -> str:
-        # a name or value that was met may hold lines and commands to a terminal
-        return re.sub(
-            "[\x00-\x1f\x7f-\x9f\ud800-\udfff]", lambda met: repr(met[0])[1:-1], super().__str__()
-        )
+        return visible(super().__str__())
 
 
 class UsageError(GesError):

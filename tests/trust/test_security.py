@@ -9,7 +9,9 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import writers
 import yaml
 from command_line import EXAMPLE, one_sentence, run
 from diagnosis_content import CONTENT
@@ -76,6 +78,19 @@ def test_a_page_loads_nothing_and_sends_nothing():
     assert rules["default-src"] == "'none'" and rules["img-src"] == "data:"
     assert not {"connect-src", "form-action", "frame-src"} & set(rules)
     assert rules["script-src"] == "'none'"
+
+
+def test_no_word_of_a_log_is_a_command_to_a_terminal(tmp_path):
+    t_us = np.arange(0, 8_000_000, 20_000)
+    topics = [
+        ("vehicle_attitude", 0, {"timestamp": t_us, "q[0]": 1.0 + 0.0 * t_us}),
+        ("actuator_motors", 0, {"timestamp": t_us, "control[0]": 0.5 + 0.0 * t_us}),
+    ]
+    log = writers.ulog(tmp_path / "f.ulg", topics, info={"ver_hw": "\x1b[2J\nBOARD"})
+    for words in (["doctor", log], ["import", log, "--vehicle", "appius", "--out", tmp_path / "a"]):
+        told = run(*words)
+        assert "\x1b" not in told.stdout + told.stderr
+    assert "BOARD" in run("doctor", log).stdout
 
 
 # Files that lead elsewhere, or grow.

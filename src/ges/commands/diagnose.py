@@ -15,7 +15,7 @@ import click
 
 from ges.commands.import_ import MEND, reading_options
 from ges.commands.settings import SET
-from ges.errors import GesError
+from ges.errors import GesError, visible
 from ges.files import NEW, require_file, require_folder
 
 SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
@@ -250,7 +250,7 @@ def _tell(found: Any, out: Path) -> None:
     content = {"origin": found.origin}
     # on stderr, so that standard output is the answer alone
     for warning in grouped_warnings(found.data["warnings"], flight_names(content)):
-        click.echo(f"warning: {warning}", err=True)
+        click.echo(f"warning: {visible(warning)}", err=True)
     click.echo(found.sentence)
     if found.remark:
         click.echo(found.remark)

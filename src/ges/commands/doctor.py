@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ges.errors import GesError
+from ges.errors import GesError, visible
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,11 +28,11 @@ def _show(found: dict[str, Any], console: Console) -> None:
     for s in found["streams"]:
         # as Text: a name in brackets would be read as a style
         cells = (s["name"], f"{s['rate_hz']:g}", f"{s['from_s']:g}", f"{s['to_s']:g}", s["source"])
-        table.add_row(*map(Text, cells))
-    console.print(Text(title, style="bold"))
+        table.add_row(*(Text(visible(cell)) for cell in cells))
+    console.print(Text(visible(title), style="bold"))
     console.print(table)
     for line, style in sentences(found):
-        console.print(Text(line, style=style), soft_wrap=not console.is_terminal)
+        console.print(Text(visible(line), style=style), soft_wrap=not console.is_terminal)
 
 
 @click.command("doctor")

@@ -234,6 +234,7 @@ def command(
 
     Example: ges import flights/*.ulg --vehicle vehicle.yaml --out set
     """
+    from ges.errors import visible
     from ges.files import require_folder
     from ges.recordings.readers import flight_names
     from ges.recordings.recording import make_set, write_set
@@ -251,12 +252,12 @@ def command(
         for note in log.notes:
             noticed.setdefault(note, []).append(path.name)
         for warning in (*empty, *recordings.warnings):
-            click.echo(f"warning: {warning}", err=True)
+            click.echo(f"warning: {visible(warning)}", err=True)
         for flight in recordings.flights:
-            click.echo(_summary(flight.name, flight.frame), err=True)
+            click.echo(visible(_summary(flight.name, flight.frame)), err=True)
             flights.append((flight.name, flight.frame))
     for note, names in noticed.items():
-        click.echo(f"warning: {', '.join(names)}: {note}", err=True)
+        click.echo(f"warning: {', '.join(names)}: {visible(note)}", err=True)
     if len(flights) < 2:
         click.echo(
             "warning: one flight only; a diagnosis needs two or more, --parts 4 cuts a long one",

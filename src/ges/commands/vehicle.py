@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ges.commands.import_ import read_log, reading_options
-from ges.errors import GesError, UsageError
+from ges.errors import GesError, UsageError, visible
 
 if TYPE_CHECKING:
     from ges.vehicle.datasheet import Datasheet
@@ -141,7 +141,7 @@ def command(
         text, remarks = export.text, (*remarks, *export.remarks)
     # on stderr: standard output is the file, to be sent into one
     for remark in remarks:
-        click.echo(f"note: {remark}", err=True)
+        click.echo(f"note: {visible(remark)}", err=True)
     click.echo(text, nl=False)
 
 
@@ -180,5 +180,5 @@ def _from_log(
             " propellers it had; give --mass and --prop, as in --mass 2.0 --prop 10in"
         )
     for note in log.notes:
-        click.echo(f"note: {note}", err=True)
+        click.echo(f"note: {visible(note)}", err=True)
     return describe_log(log, mass_kg, prop, layout=layout, wheelbase_m=wheelbase_m)
