@@ -24,7 +24,14 @@ from ges.blind.protocol.run import finished
 from ges.conventions import MOST_NUMBERS
 from ges.diagnose.report.saved import load_diagnosis
 from ges.errors import GesError, UsageError
-from ges.files import NEW, read_kept, replacing_together, require_file, require_text
+from ges.files import (
+    NEW,
+    read_kept,
+    replacing_together,
+    require_file,
+    require_folder,
+    require_text,
+)
 from ges.provenance.runs import load_manifest
 from ges.recordings.readers import open_log
 from ges.recordings.recording import load_set
@@ -138,11 +145,26 @@ def test_a_file_that_cannot_be_written_is_said_before_the_work(tmp_path, words):
         assert why in one_sentence(run(*words, *option, place, cwd=tmp_path))
 
 
-def test_a_folder_that_is_read_only_is_said(tmp_path, monkeypatch):
-    """Root may write anywhere: asked of the system as anybody else."""
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with pytest.raises(GesError, match="permission denied; name another"):
-        require_file(tmp_path / "file")
+@pytest.fixture
+def read_only(tmp_path):
+    """A folder that nobody may write into; root may, unless its file system is read-only."""
+    folder = tmp_path / "fixed"
+    folder.mkdir()
+    if os.geteuid():
+        folder.chmod(0o555)
+    elif subprocess.run(["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", folder]).returncode:
+        pytest.skip("no file system can be mounted here")
+    yield folder
+    if not os.geteuid():
+        subprocess.run(["umount", folder], check=True)
+
+
+def test_a_folder_that_is_read_only_is_said(read_only):
+    for place, check in (("out", require_folder), ("flight.parquet", require_file)):
+        with pytest.raises(GesError, match="permission denied; name another"):
+            check(read_only / place)
+    said = one_sentence(run("diagnose", "missing", "--out", read_only / "out"))
+    assert said.endswith("permission denied; name another")
 
 
 def test_a_diagnosis_does_not_go_into_a_recording_set(small):
