@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import functools
 import multiprocessing
 import os
@@ -32,6 +33,34 @@ def cores() -> int:
     return max(1, min(allowed, int(told))) if told.isdigit() else allowed
 
 
+class _OneBlasThread:
+    """Limit BLAS to one thread: the first of several users sets the limit, the last lifts it.
+
+    The limit is of the whole process, so whoever ends first must not lift it for the others.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._users = threading.Lock(), 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._users == 0:
+                self._limit = threadpool_limits(1)
+            self._users += 1
+
+    def __exit__(self, *error: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0:
+                self._limit.restore_original_limits()
+            # the thread that set a limit alone may change it, until it leaves a ``with`` of it
+            with threadpool_limits():
+                pass
+
+
+_one_blas_thread = _OneBlasThread()
+
+
 def blas_alone(work: Callable[P, R]) -> Callable[P, R]:
     """Decorate a function to run with BLAS limited to one thread.
 
@@ -53,7 +82,7 @@ def blas_alone(work: Callable[P, R]) -> Callable[P, R]:
             os.environ.get("OPENBLAS_NUM_THREADS") == "1"
         ):  # as ``ges`` and the proof start it, where no library can be looked for
             return work(*arguments, **named)
-        with threadpool_limits(1):
+        with _one_blas_thread:
             return work(*arguments, **named)
 
     return alone
@@ -61,6 +90,8 @@ def blas_alone(work: Callable[P, R]) -> Callable[P, R]:
 
 def each(work: Callable[..., R], *arguments: Iterable) -> list[R]:
     """Call a function on each of several arguments, in threads.
+
+    The threads see the context variables of their caller, as the settings of a diagnosis.
 
     Parameters
     ----------
@@ -74,8 +105,10 @@ def each(work: Callable[..., R], *arguments: Iterable) -> list[R]:
     count = cores()
     if count == 1:
         return list(map(work, *arguments))
+    caller = contextvars.copy_context()
     with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(work, *arguments))
+        # a context cannot be entered twice at once, so that each call has its own copy
+        return list(pool.map(lambda *one: caller.copy().run(work, *one), *arguments))
 
 
 Begin = Callable[..., Callable[[], list]]

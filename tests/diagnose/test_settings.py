@@ -2,6 +2,8 @@
 
 import ast
 import dataclasses
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,7 @@ from ges.diagnose.settings import (
     using,
 )
 from ges.errors import UsageError
+from ges.recordings.recording import load_set
 from ges.threads import each
 
 PACKAGE = Path(ges.__file__).parent / "diagnose"
@@ -105,6 +108,38 @@ def test_what_is_set_holds_for_a_while_and_in_every_thread():
     with pytest.raises(ZeroDivisionError), using({"search.beam": 2}):
         raise ZeroDivisionError
     assert changed_settings() == {}
+
+
+def test_diagnoses_in_two_threads_each_have_their_own_numbers():
+    both_set = threading.Barrier(2)
+
+    def tempering(value):
+        with using({"evidence.tempering": value}):
+            both_set.wait(60.0)
+            return each(lambda _: settings.evidence.tempering, range(4))
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(tempering, [0.5, 0.25])) == [[0.5] * 4, [0.25] * 4]
+    assert changed() == {}
+
+
+@pytest.mark.slow
+def test_two_diagnoses_in_one_process_are_as_each_of_them_alone():
+    flights = load_set(Path(ges.__file__).parent / "recordings" / "example")
+    both_begun = threading.Barrier(2)
+
+    def diagnosis(numbers, watch):
+        with using(numbers):
+            found = ges.diagnose(flights, names=["rotor_drag"], watch=watch)
+            return repr(found.content())
+
+    numbers = [{"noise.whitening": False}, {"evidence.tempering": 0.5}]
+    alone = [diagnosis(n, lambda *_: None) for n in numbers]
+    with ThreadPoolExecutor(2) as pool:
+        # each waits once for the other, with its own numbers set
+        waits = [lambda step, _: step == "located" and both_begun.wait(600.0)] * 2
+        assert list(pool.map(diagnosis, numbers, waits)) == alone
+    assert alone[0] != alone[1]
 
 
 def test_numbers_are_read_as_what_they_are():

@@ -6,6 +6,8 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,18 @@ from ges import threads
 
 def _process(_) -> int:
     return os.getpid()
+
+
+HERE: ContextVar[str] = ContextVar("here", default="nothing")
+
+
+@pytest.mark.parametrize("told", ["1", "2"])
+def test_threads_see_what_holds_where_they_were_called(told, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", told)
+    token = HERE.set("ours")
+    assert threads.each(lambda _: HERE.get(), range(8)) == ["ours"] * 8
+    HERE.reset(token)
+    assert threads.each(lambda _: HERE.get(), range(8)) == ["nothing"] * 8
 
 
 @pytest.mark.parametrize("told", ["1", "2", "64"])
@@ -94,3 +108,36 @@ def test_blas_has_one_thread_unless_it_was_told_so_before(told, threads_in, monk
             lambda: {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"}
         )()
     assert seen == {threads_in}
+
+
+def test_blas_has_one_thread_until_the_last_of_several_has_ended(monkeypatch):
+    assert np.dot(np.ones(2), np.ones(2)) == 2.0
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+
+    def blas_threads() -> set[int]:
+        return {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"}
+
+    both_work, first_ended = threading.Barrier(2), threading.Event()
+
+    @threads.blas_alone
+    def first() -> None:
+        both_work.wait(60.0)
+
+    @threads.blas_alone
+    def second() -> set[int]:
+        both_work.wait(60.0)
+        first_ended.wait(60.0)
+        return blas_threads()
+
+    before = threadpool_limits(2)
+    with threadpool_limits():  # after it other threads may set limits
+        pass
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.submit(first), pool.submit(second)
+        one.result()
+        first_ended.set()
+        assert other.result() == {1}
+    assert blas_threads() == {2}
+    before.restore_original_limits()
+    with threadpool_limits():
+        pass

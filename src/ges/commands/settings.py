@@ -25,6 +25,8 @@ with using({"evidence.tempering": 0.5}):
     found = ges.diagnose(recordings, vehicle)
 ```
 
+`using` holds in the thread that calls it: diagnoses in several threads each have their own numbers.
+
 `ges blind run DIR --set evidence.tempering=0.5` does the same with concealed cases, into a folder
 of their own.
 

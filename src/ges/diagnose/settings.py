@@ -11,6 +11,7 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextvars import ContextVar
 from typing import Any, cast, get_type_hints
 
 import pydantic
@@ -909,17 +910,19 @@ class Settings:
     report: ReportSettings = ReportSettings()
 
 
-_active = Settings()
+DEFAULTS = Settings()
+_active = ContextVar("settings", default=DEFAULTS)
 
 
 class _Active:
-    """Proxy of the settings in force, for every thread.
+    """Proxy of the settings in force in this context.
 
-    One process runs one diagnosis at a time.
+    Each thread starts with the defaults, except those of :func:`ges.threads.each`, which have the
+    settings of their caller. Two diagnoses in two threads therefore cannot change each other's.
     """
 
     def __getattr__(self, stage: str) -> Any:
-        return getattr(_active, stage)
+        return getattr(_active.get(), stage)
 
 
 settings = cast(Settings, _Active())
@@ -927,7 +930,7 @@ settings = cast(Settings, _Active())
 
 @contextlib.contextmanager
 def using(overrides: Mapping[str, Any]) -> Iterator[Settings]:
-    """Set numbers for the length of a ``with``.
+    """Set numbers of this thread for the length of a ``with``.
 
     Parameters
     ----------
@@ -944,13 +947,12 @@ def using(overrides: Mapping[str, Any]) -> Iterator[Settings]:
     ...     settings.evidence.tempering
     0.5
     """
-    global _active
-    before = _active
-    _active = _with(before, overrides)
+    changed_settings = _with(_active.get(), overrides)
+    token = _active.set(changed_settings)
     try:
-        yield _active
+        yield changed_settings
     finally:
-        _active = before
+        _active.reset(token)
 
 
 def parse(pairs: Iterable[str]) -> dict[str, Any]:
@@ -973,7 +975,7 @@ def parse(pairs: Iterable[str]) -> dict[str, Any]:
     for pair in pairs:
         if "=" not in pair:
             raise UsageError(f"'{pair}' sets nothing; write KEY=VALUE, as evidence.tempering=0.5")
-    set_to = {key: value for key, value, _ in setting_rows(_with(_active, given))}
+    set_to = {key: value for key, value, _ in setting_rows(_with(_active.get(), given))}
     return {key: set_to[key] for key in given}
 
 
@@ -984,8 +986,8 @@ def changed_settings() -> dict[str, Any]:
     -------
     By ``stage.name``.
     """
-    default = {key: value for key, value, _ in setting_rows(Settings())}
-    return {key: value for key, value, _ in setting_rows(_active) if value != default[key]}
+    default = {key: value for key, value, _ in setting_rows(DEFAULTS)}
+    return {key: value for key, value, _ in setting_rows(_active.get()) if value != default[key]}
 
 
 def setting_rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
