@@ -19,7 +19,8 @@ import pyarrow.parquet as pq
 from ges.files import replacing
 from ges.recordings.published import check, sources
 from ges.recordings.readers import Options, open_log
-from ges.vehicle.file import load_vehicle, save_vehicle
+from ges.vehicle.file import save_vehicle
+from ges.vehicle.load import load_vehicle
 
 FOLDER = Path(__file__).resolve().parents[1] / "src/ges/recordings/crazypad-small"
 SOURCE = "crazypad"

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from ges.recordings.recording import write_flight
 from ges.simulator import flight, manoeuvres
 from ges.simulator.terrain import Terrain
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 FOLDER = Path(__file__).resolve().parents[1] / "src" / "ges" / "recordings" / "example"
 TRUTH = {"ground_effect": {}, "rotor_drag": {"k_kg": 6e-5}}

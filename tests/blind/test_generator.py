@@ -21,7 +21,7 @@ from ges.blind.generator.airframe import CLASSES, DOUBTS, draw_airframe
 from ges.blind.generator.concealed import EVERY, NEUTRAL, PHYSICS
 from ges.blind.generator.sensing import Recorder
 from ges.blind.protocol import seal
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 BLIND = Path(generator.__file__).parents[1]
 GENERATOR = [

@@ -16,7 +16,7 @@ from ges.blind.protocol.run import OUT
 from ges.blind.score.shipped import score_changes
 from ges.files import sha256, write_json
 from ges.recordings.recording import load_set
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = resources.files("ges.recordings") / WORLD

@@ -12,7 +12,7 @@ import pint
 
 from ges.conventions import rotor_columns
 from ges.simulator import _lib, effects
-from ges.simulator import flight as sim
+from ges.simulator.parameters import parameters
 from ges.simulator.terrain import Terrain
 from ges.vehicle.layouts import LAYOUTS
 
@@ -268,9 +268,9 @@ def check_homogeneous(effect):
     scale = {"length": 1.25, "mass": 0.8, "time": 1.0 if effect.n_states else 1.1, "current": 1.05}
     values = {p.name: p.default * factor(p.unit, scale) for p in effect.parameters}
     base = {
-        p.name: p.default for p in sim.parameters().values() if not p.name.startswith("terrain")
+        p.name: p.default for p in parameters().values() if not p.name.startswith("terrain")
     } | vehicle()
-    numbers = {n: v * factor(sim.parameters()[n].unit, scale) for n, v in base.items()}
+    numbers = {n: v * factor(parameters()[n].unit, scale) for n, v in base.items()}
     samples = random_samples()
     a = added(effect, effect.completed({}), samples, base)
     b = added(effect, values, rescaled_samples(samples, scale), {**numbers, "seed": 1.0})

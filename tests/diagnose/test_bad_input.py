@@ -13,7 +13,7 @@ import ges
 from ges.cli import cli, main
 from ges.errors import GesError
 from ges.recordings.recording import make_set, write_set
-from ges.vehicle.file import load_vehicle, vehicle_path
+from ges.vehicle.load import load_vehicle, vehicle_path
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -18,7 +18,7 @@ from ges.errors import GesError
 from ges.recordings.readers import open_log
 from ges.recordings.recording import make_set, write_set
 from ges.simulator import manoeuvres
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 

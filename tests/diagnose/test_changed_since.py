@@ -16,7 +16,7 @@ from ges.diagnose.detectors.balance import Cause, causes_of
 from ges.diagnose.types.diagnosis import Diagnosis
 from ges.recordings.readers import open_log
 from ges.recordings.recording import make_set
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -13,7 +13,7 @@ import ges
 from ges.diagnose.report.output import write_diagnosis
 from ges.recordings.readers import Options, open_log
 from ges.recordings.recording import load_set, write_set
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 

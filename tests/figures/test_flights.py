@@ -11,7 +11,7 @@ import pytest
 from ges.errors import GesError
 from ges.study import config
 from ges.study.figures import flights, real
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 VEHICLE = "appius"

@@ -13,7 +13,7 @@ from ges.cli import cli
 from ges.errors import GesError, UsageError
 from ges.recordings import faults
 from ges.recordings.recording import load_set, make_set
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 EXAMPLE = Path(str(resources.files("ges.recordings") / "example"))
 VEHICLE = load_vehicle(EXAMPLE / "vehicle.yaml")

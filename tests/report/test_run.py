@@ -19,7 +19,8 @@ from ges.recordings.readers import flight_names
 from ges.recordings.recording import write_set
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
-from ges.vehicle.file import load_vehicle, save_vehicle
+from ges.vehicle.file import save_vehicle
+from ges.vehicle.load import load_vehicle
 
 COLUMNS = (
     *("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s"),

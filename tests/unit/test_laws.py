@@ -14,6 +14,7 @@ from ges.conventions import QUATERNION
 from ges.errors import GesError, UsageError
 from ges.simulator import effects, flight, laws
 from ges.simulator.effects import Samples, sample_rows
+from ges.simulator.parameters import parameters
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle, parse_vehicle, vehicle_content
 from ges.vehicle.law_export import law_as
@@ -76,7 +77,7 @@ def _samples(n=37, seed=0):
 def test_groups_are_quantities_over_their_references():
     """Against the definitions of docs/laws.md, in other words than the simulator's."""
     columns, samples = _samples()
-    p = {name: known.default for name, known in flight.parameters().items()}
+    p = {name: known.default for name, known in parameters().items()}
     weight = p["mass_kg"] * p["gravity_m_s2"]
     radius, arm = p["rotor_1_radius_m"], np.hypot(p["rotor_1_x_m"], p["rotor_1_y_m"])
     v_h = np.sqrt(weight / (2.0 * p["rho_kg_m3"] * 4.0 * np.pi * radius**2))
@@ -90,7 +91,7 @@ def test_groups_are_quantities_over_their_references():
         "U/U_0": columns["battery_V"] / p["battery_nominal_V"],
     }
     terms = [laws.Term.of("force_x", "m g", {name: 1}) for name in want]
-    got = laws.along(terms, {}, samples, {}, Terrain.flat())
+    got = effects.evaluate_terms(terms, {}, samples, {}, Terrain.flat())
     for k, values in enumerate(want.values()):
         assert got[:, k] == pytest.approx(weight * values, rel=1e-9, abs=1e-9)
 
@@ -107,7 +108,9 @@ def test_a_law_adds_its_terms_in_its_channel_alone(channel):
     added = effects.evaluate("law", {t.key: c for t, c in terms.items()}, samples, {})
     wrench = np.hstack([added.force_N, added.moment_Nm])
     at = laws.CHANNELS.index(channel)
-    want = laws.along(list(terms), {}, samples, {}, Terrain.flat()) @ list(terms.values())
+    want = effects.evaluate_terms(list(terms), {}, samples, {}, Terrain.flat()) @ list(
+        terms.values()
+    )
     assert wrench[:, at] == pytest.approx(want, rel=1e-9, abs=1e-9)
     assert not np.delete(wrench, at, axis=1).any()
 
@@ -115,12 +118,14 @@ def test_a_law_adds_its_terms_in_its_channel_alone(channel):
 def test_a_place_is_a_bell_about_it():
     columns, samples = _samples()
     (term,) = laws.parse("force_z", "1 m g near(0.3 m, -0.5 m, 0.8 m)")
-    p = {name: known.default for name, known in flight.parameters().items()}
+    p = {name: known.default for name, known in parameters().items()}
     away = (columns["p_x_m"] - 0.3) ** 2 + (columns["p_y_m"] + 0.5) ** 2
     want = p["mass_kg"] * p["gravity_m_s2"] * np.exp(-away / (2.0 * 0.8**2))
     added = effects.evaluate("law", {term.key: 1.0}, samples, {}).force_N[:, 2]
     assert added == pytest.approx(want, rel=1e-9)
-    assert laws.along([term], {}, samples, {}, Terrain.flat())[:, 0] == pytest.approx(want)
+    assert effects.evaluate_terms([term], {}, samples, {}, Terrain.flat())[:, 0] == pytest.approx(
+        want
+    )
     assert term.needs == {"position"}
 
 
@@ -206,7 +211,7 @@ FORMS = {
 def _state(columns, samples):
     """What a caller of an exported law knows, (n,) by symbol."""
     replayed = effects.replay({}, samples, {})
-    k_t = flight.parameters()["thrust_coefficient_N_s2"].default
+    k_t = parameters()["thrust_coefficient_N_s2"].default
     to_body = Rotation.from_quat(
         np.stack([columns[q] for q in QUATERNION], axis=1), scalar_first=True
     ).inv()
@@ -229,15 +234,15 @@ def _state(columns, samples):
 @pytest.fixture(scope="module")
 def exported():
     """A vehicle with laws, what the simulator makes of them, and the state, sample by sample."""
-    parameters = {k: p.default for k, p in flight.parameters().items()}
+    defaults = {k: p.default for k, p in parameters().items()}
     rotors = [
-        {f"{a}_m": parameters[f"rotor_{i}_{a}_m"] for a in "xyz"}
-        | {"radius_m": parameters[f"rotor_{i}_radius_m"]}
-        | {"spin": "ccw" if parameters[f"rotor_{i}_spin"] > 0 else "cw"}
+        {f"{a}_m": defaults[f"rotor_{i}_{a}_m"] for a in "xyz"}
+        | {"radius_m": defaults[f"rotor_{i}_radius_m"]}
+        | {"spin": "ccw" if defaults[f"rotor_{i}_spin"] > 0 else "cw"}
         for i in range(1, 5)
     ]
     written = [{"channel": c, "form": form} for c, form in FORMS.items()]
-    numbers = {k: parameters[k] for k in ("mass_kg", "thrust_coefficient_N_s2", "rho_kg_m3")}
+    numbers = {k: defaults[k] for k in ("mass_kg", "thrust_coefficient_N_s2", "rho_kg_m3")}
     vehicle = parse_vehicle({"name": "test", **numbers, "rotors": rotors, "laws": written})
     columns, samples = _samples()
     added = effects.evaluate("law", vehicle.effect_values()["law"], samples, {})

@@ -12,6 +12,7 @@ import pytest
 
 from ges.simulator import _lib, effects
 from ges.simulator import flight as sim
+from ges.simulator.parameters import parameter_vector
 from ges.simulator.terrain import Terrain
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -183,9 +184,7 @@ def test_numpy_terrain_equals_c_bit_for_bit(first):
     for seed in range(first, first + 50):
         x, y = rng.uniform(-5, 2505, 10_000), rng.uniform(-3, 3, 10_000)
         ours = Terrain.procedural(seed).at(x, y)
-        theirs = _lib.terrain(
-            sim.parameter_vector(Terrain.procedural(seed).parameters()), None, x, y
-        )
+        theirs = _lib.terrain(parameter_vector(Terrain.procedural(seed).parameters()), None, x, y)
         for a, b in zip(
             (ours.height_m, ours.slope_x, ours.slope_y, ours.curvature_1_m), theirs, strict=True
         ):
@@ -197,7 +196,7 @@ def test_numpy_height_map_equals_c():
     terrain = Terrain.grid(np.linspace(-2, 3, 11), np.linspace(-1, 1, 9), rng.normal(size=(9, 11)))
     x, y = rng.uniform(-4, 5, 1000), rng.uniform(-2, 2, 1000)
     grid = _lib.pack_grid(terrain.x_m, terrain.y_m, terrain.heights_m)
-    height, *_ = _lib.terrain(sim.parameter_vector(terrain.parameters()), grid, x, y)
+    height, *_ = _lib.terrain(parameter_vector(terrain.parameters()), grid, x, y)
     assert np.array_equal(terrain.at(x, y).height_m, height)
 
 

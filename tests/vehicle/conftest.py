@@ -12,7 +12,8 @@ import pytest
 from ges.conventions import command, rotor_speed
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
-from ges.vehicle.file import Vehicle, load_vehicle
+from ges.vehicle.file import Vehicle
+from ges.vehicle.load import load_vehicle
 
 COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 

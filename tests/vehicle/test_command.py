@@ -5,7 +5,8 @@ import yaml
 
 from ges import cli
 from ges.vehicle import library
-from ges.vehicle.file import load_vehicle, parse_vehicle
+from ges.vehicle.file import parse_vehicle
+from ges.vehicle.load import load_vehicle
 
 from . import models
 

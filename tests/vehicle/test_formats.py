@@ -10,8 +10,9 @@ from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
 from ges.simulator import effects as effect_table
 from ges.vehicle import formats, library
-from ges.vehicle.file import Vehicle, load_vehicle
+from ges.vehicle.file import Vehicle
 from ges.vehicle.formats import neutral, rotorpy, sdf, sih, urdf
+from ges.vehicle.load import load_vehicle
 from ges.vehicle.propeller import Propeller
 
 from . import models

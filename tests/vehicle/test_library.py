@@ -5,7 +5,7 @@ import pytest
 
 from ges.errors import UsageError
 from ges.vehicle import library, scaling
-from ges.vehicle.file import load_vehicle, vehicle_path
+from ges.vehicle.load import load_vehicle, vehicle_path
 
 PUBLISHED = [
     "crazyflie-2.1",

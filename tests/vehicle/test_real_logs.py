@@ -9,8 +9,8 @@ from ges.conventions import GRAVITY_M_S2, command
 from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
 from ges.vehicle.drive import binned, normalised_thrust
-from ges.vehicle.file import load_vehicle
 from ges.vehicle.from_log import describe_log
+from ges.vehicle.load import load_vehicle
 from ges.vehicle.propeller import Propeller
 from ges.vehicle.turning import turning
 

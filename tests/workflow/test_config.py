@@ -10,6 +10,7 @@ import pytest
 from ges.commands.config import INTRO, command
 from ges.errors import GesError, UsageError
 from ges.simulator import flight as sim
+from ges.simulator.parameters import parameters
 from ges.study import config
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -99,7 +100,7 @@ def test_simulator_knows_every_number():
     """Names are the simulator's, values within its bounds, so no flight of the study is refused for
     them.
     """
-    known = sim.parameters()
+    known = parameters()
     for name, value in config.validate(DEFAULT).simulator.parameters().items():
         assert known[name].low <= value <= known[name].high, name
 

@@ -238,7 +238,7 @@ def command(
     from ges.files import require_folder
     from ges.recordings.readers import flight_names
     from ges.recordings.recording import make_set, write_set
-    from ges.vehicle.file import load_vehicle
+    from ges.vehicle.load import load_vehicle
 
     require_folder(out)
     vehicle = load_vehicle(vehicle_path)

@@ -150,7 +150,7 @@ def command(
     from ges.recordings.recording import write_flight
     from ges.simulator import flight as sim
     from ges.simulator import manoeuvres
-    from ges.vehicle.file import load_vehicle
+    from ges.vehicle.load import load_vehicle
 
     require_file(out)
     vehicle = load_vehicle(vehicle_path)

@@ -110,20 +110,20 @@ def command(
       ges vehicle out/vehicle.fitted.yaml --to sdf > fitted.sdf
       ges vehicle out/vehicle.fitted.yaml --law-as python > law.py
     """
-    from ges.vehicle import file, formats, propeller
+    from ges.vehicle import formats, load, propeller
     from ges.vehicle.law_export import law_as
 
     prop = propeller.Propeller.parse(size) if size else None
     log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--arm": arm, "--frame": layout}
     log_only |= {"--map": reading["mapping"], "--pwm": reading["pwm"]}
-    path = file.vehicle_path(source)
+    path = load.vehicle_path(source)
     remarks: tuple[str, ...] = ()
     if not path.is_file() and not path.is_dir():
         raise GesError(f"there is no file {path}; give a log, a model, a vehicle file or a name")
     # as it is, comments and all: read and written again it would lose them
-    if path.suffix in file.YAML_ENDINGS:
+    if path.suffix in load.YAML_ENDINGS:
         _refuse({**log_only, "--prop": prop, "--name": name}, "a vehicle file says it; edit that")
-        vehicle, text = file.load_vehicle(path), path.read_text(encoding="utf-8")
+        vehicle, text = load.load_vehicle(path), path.read_text(encoding="utf-8")
     else:
         if kind := formats.kind_of(path) if path.is_file() else None:
             _refuse(log_only, f"{path.name} says it")

@@ -14,7 +14,7 @@ from ges.diagnose.report.output import write_diagnosis
 from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
 from ges.recordings.recording import load_set
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 HELD_OUT = "NO_COMPENSATION_V_050"
 

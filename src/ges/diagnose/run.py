@@ -17,8 +17,9 @@ from ges.errors import GesError, UsageError
 from ges.files import sha256, tree_hash, write_text
 from ges.recordings.readers import READERS, Log, Options, flight_names, open_log
 from ges.recordings.recording import RecordingSet, load_set, make_set
-from ges.vehicle.file import Vehicle, load_vehicle, vehicle_path
+from ges.vehicle.file import Vehicle
 from ges.vehicle.from_log import describe_log
+from ges.vehicle.load import load_vehicle, vehicle_path
 from ges.vehicle.propeller import Propeller
 
 Watch = Callable[[str], object]

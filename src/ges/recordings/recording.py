@@ -34,7 +34,8 @@ from ges.errors import GesError, unknown_name
 from ges.files import replacing, replacing_together, require_text
 from ges.recordings import faults
 from ges.simulator.terrain import Terrain
-from ges.vehicle.file import Vehicle, load_vehicle, save_vehicle
+from ges.vehicle.file import Vehicle, save_vehicle
+from ges.vehicle.load import load_vehicle
 
 _ROTOR_UNITS = (
     (r"rotor_speed_[1-9]\d*_rad_s", "rad/s"),

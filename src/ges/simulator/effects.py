@@ -18,6 +18,7 @@ import numpy as np
 from ges.conventions import MAX_ROTORS, rotor_columns, rotors_in
 from ges.errors import GesError, UsageError, unknown_name
 from ges.simulator import _lib, laws
+from ges.simulator.parameters import parameter_vector, rotors_of
 from ges.simulator.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -732,8 +733,8 @@ def replay(
 
     Parameters
     ----------
-    parameters : numbers of the vehicle by name of :func:`ges.simulator.flight.parameters`; defaults
-        elsewhere.
+    parameters : numbers of the vehicle by name of
+        :func:`ges.simulator.parameters.parameters`; defaults elsewhere.
     samples : n recorded samples; in order of time if an effect has states of its own.
     effects : effects that are switched on; none by default.
     terrain : ground; flat at 0 by default.
@@ -774,8 +775,6 @@ def replay_each(
     -------
     One replay for each set, in their order.
     """
-    from ges.simulator.flight import parameter_vector, rotors_of
-
     terrain = terrain or Terrain.flat()
     vector = parameter_vector({**terrain.parameters(), **parameters})
     heights, packed = terrain.height_map(), [pack(e) for e in sets]
@@ -822,3 +821,47 @@ def evaluate(
     with_it = replay(parameters, samples, {**base, name: values}, terrain)
     without = replay(parameters, samples, base, terrain)
     return Replay(with_it.data - without.data, without.n_rotors)
+
+
+def evaluate_terms(
+    terms: Sequence[laws.Term],
+    parameters: Mapping[str, float],
+    samples: Samples,
+    effects: Effects,
+    terrain: Terrain,
+) -> np.ndarray:
+    """Compute what terms with a coefficient of one add along n recorded samples.
+
+    Parameters
+    ----------
+    terms : the terms.
+    parameters, samples, effects, terrain : as of :func:`replay_each`.
+
+    Returns
+    -------
+    Array (n, terms) in N or N m, body frame, as the compiled simulator has it.
+    """
+    rows = samples.rows
+    p_m = samples.data[[rows["p_x_m"], rows["p_y_m"]]].T
+    used = [
+        g for k, g in enumerate(laws.groups()) if any(t.power[k] + t.magnitude[k] for t in terms)
+    ]
+    # one replay tells a share of the weight in every channel: what each adds is weight times group
+    probes = [
+        laws.Term.of(laws.CHANNELS[i % 6], laws.SCALES[0], {g: 1}) for i, g in enumerate(used)
+    ]
+    batches = [probes[i : i + 6] for i in range(0, len(probes), 6)]
+    scales = [[laws.Term.of(c, scale, {}) for c in laws.CHANNELS] for scale in laws.SCALES]
+    sets = [{**effects, laws.LAW: {t.key: 1.0 for t in batch}} for batch in ([], *scales, *batches)]
+    without, *each = [
+        np.hstack([r.force_N, r.moment_Nm]) for r in replay_each(parameters, samples, sets, terrain)
+    ]
+    scale = {name: r - without for name, r in zip(laws.SCALES, each, strict=False)}
+    group = {
+        g: ((each[len(laws.SCALES) + i // 6] - without) / scale[laws.SCALES[0]])[:, i % 6]
+        for i, g in enumerate(used)
+    }
+    return np.stack(
+        [scale[t.scale][:, laws.CHANNELS.index(t.channel)] * t.product(group, p_m) for t in terms],
+        axis=1,
+    )

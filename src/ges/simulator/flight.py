@@ -1,8 +1,8 @@
 """Batches of flights in the compiled simulator.
 
-A flight is a table of named numbers (:func:`parameters`), effects, ground and, where needed, an
-input table. Many flights go in one call. Results do not depend on how many, on the number of lanes,
-or on the machine.
+A flight is a table of named numbers (:mod:`ges.simulator.parameters`), effects, ground and, where
+needed, an input table. Many flights go in one call. Results do not depend on how many, on the
+number of lanes, or on the machine.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ges.conventions import MAX_ROTORS
 from ges.errors import UsageError, unknown_name
 from ges.simulator import _lib, effects, laws
+from ges.simulator.parameters import parameter_vector, parameters, rotors_of
 from ges.simulator.terrain import Terrain
 
 
@@ -48,58 +49,6 @@ def _controller_inputs() -> dict[str, tuple[int, int]]:
     return _lib.controller_inputs()
 
 
-@dataclasses.dataclass(frozen=True)
-class Parameter:
-    """One number of a flight.
-
-    Attributes
-    ----------
-    name : its name.
-    unit : ``1`` where it has none.
-    doc : its meaning, in words.
-    default : value where none is given, in ``unit``.
-    low, high : bounds, in ``unit``, both allowed.
-    """
-
-    name: str
-    unit: str
-    doc: str
-    default: float
-    low: float
-    high: float
-
-
-@functools.lru_cache(maxsize=1)
-def parameters() -> dict[str, Parameter]:
-    """List every number of a flight, by name.
-
-    Examples
-    --------
-    >>> parameters()["dt_s"].default
-    0.001
-    """
-    return {row[0]: Parameter(*row) for row in _lib.parameter_table()}
-
-
-def rotors_of(given: Mapping[str, float | str]) -> int:
-    """Give the number of rotors of the vehicle that these numbers of a flight describe.
-
-    Parameters
-    ----------
-    given : numbers of a flight by name; the simulator's default where ``rotors`` is missing.
-
-    Raises
-    ------
-    UsageError
-        When no vehicle has so many.
-    """
-    count = float(given.get("rotors", parameters()["rotors"].default))
-    # asked before the simulator checks its numbers
-    if not 1 <= count <= MAX_ROTORS:
-        raise UsageError(f"rotors is {count:g}; allowed is 1 to {MAX_ROTORS}")
-    return int(count)
-
-
 @functools.lru_cache(maxsize=MAX_ROTORS)
 def columns(n_rotors: int = 4) -> dict[str, tuple[str, str]]:
     """List the quantities that can be recorded.
@@ -127,36 +76,14 @@ def _column_numbers() -> dict[str, int]:
     return {name: i for i, (name, *_) in enumerate(_lib.column_table())}
 
 
-def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
-    """Put the numbers of a flight into the order of the compiled library.
-
-    Parameters
-    ----------
-    given : numbers by name, in the units of their names.
-
-    Returns
-    -------
-    All parameters, (k,); defaults where none is given.
-
-    Raises
-    ------
-    UsageError
-        When a name is unknown.
-    """
-    known = parameters()
-    for name in given:
-        if name not in known:
-            raise unknown_name("parameter", name, known)
-    return np.array([float(given.get(name, p.default)) for name, p in known.items()])
-
-
 @dataclasses.dataclass(frozen=True)
 class Flight:
     """A flight to simulate.
 
     Attributes
     ----------
-    parameters : numbers by name, in the units of :func:`parameters`; defaults elsewhere. ``mode``
+    parameters : numbers by name, in the units of
+        :func:`ges.simulator.parameters.parameters`; defaults elsewhere. ``mode``
         may be a name of :func:`modes`, ``control`` one of :func:`controllers`.
     effects : parameters by effect; defaults elsewhere.
     terrain : ground; by default procedural, from the flight's seed.

@@ -20,17 +20,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
 from ges.errors import UsageError, unknown_name
 from ges.simulator import _lib
-from ges.simulator.terrain import Terrain
-
-if TYPE_CHECKING:
-    from ges.simulator.effects import Samples
 
 LAW = "law"
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
@@ -300,45 +295,3 @@ def packed(coefficients: Mapping[str, float]) -> list[tuple]:
         (CHANNELS.index(t.channel), SCALES.index(t.scale), t.power, t.magnitude, t.near_m, float(c))
         for t, c in ((term_of(key), c) for key, c in coefficients.items())
     ]
-
-
-def along(
-    terms: Sequence[Term],
-    parameters: Mapping[str, float],
-    samples: Samples,
-    effects: Mapping[str, Mapping[str, float]],
-    terrain: Terrain,
-) -> np.ndarray:
-    """Compute what terms with a coefficient of one add along n recorded samples.
-
-    Parameters
-    ----------
-    terms : the terms.
-    parameters, samples, effects, terrain : as of :func:`ges.simulator.effects.replay_each`.
-
-    Returns
-    -------
-    Array (n, terms) in N or N m, body frame, as the compiled simulator has it.
-    """
-    from ges.simulator.effects import replay_each
-
-    rows = samples.rows
-    p_m = samples.data[[rows["p_x_m"], rows["p_y_m"]]].T
-    used = [g for k, g in enumerate(groups()) if any(t.power[k] + t.magnitude[k] for t in terms)]
-    # one replay tells a share of the weight in every channel: what each adds is weight times group
-    probes = [Term.of(CHANNELS[i % 6], SCALES[0], {g: 1}) for i, g in enumerate(used)]
-    batches = [probes[i : i + 6] for i in range(0, len(probes), 6)]
-    scales = [[Term.of(c, scale, {}) for c in CHANNELS] for scale in SCALES]
-    sets = [{**effects, LAW: {t.key: 1.0 for t in batch}} for batch in ([], *scales, *batches)]
-    without, *each = [
-        np.hstack([r.force_N, r.moment_Nm]) for r in replay_each(parameters, samples, sets, terrain)
-    ]
-    scale = {name: r - without for name, r in zip(SCALES, each, strict=False)}
-    group = {
-        g: ((each[len(SCALES) + i // 6] - without) / scale[SCALES[0]])[:, i % 6]
-        for i, g in enumerate(used)
-    }
-    return np.stack(
-        [scale[t.scale][:, CHANNELS.index(t.channel)] * t.product(group, p_m) for t in terms],
-        axis=1,
-    )

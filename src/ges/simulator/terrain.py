@@ -251,7 +251,7 @@ class Terrain:
 
         Returns
         -------
-        Values by name of :func:`ges.simulator.flight.parameters`; a height map itself is passed
+        Values by name of :func:`ges.simulator.parameters.parameters`; a height map itself is passed
         apart.
         """
         values = {"terrain_kind": KINDS[self.kind], "terrain_z_m": self.z_m}

@@ -3,7 +3,7 @@ docs.
 
 Every value stands in ``config/default.yaml``; another file given with ``--configfile`` replaces
 single values of it. Nothing has a default here, so no value has two homes. Names of simulator
-numbers are those of ``ges.simulator.flight.parameters()``.
+numbers are those of ``ges.simulator.parameters.parameters()``.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from typing import Any, BinaryIO
 
 from ges.errors import GesError
 from ges.files import read_kept, replacing, write_json
-from ges.vehicle.file import YAML_ENDINGS
+from ges.vehicle.load import YAML_ENDINGS
 
 AS_THEY_ARE: Mapping[str, Any] = {"map": "", "pwm": None, "rotor_order": [], "part": None}
 """How logs are read where nothing is said of it."""

@@ -1,19 +1,19 @@
 """The vehicle: nominal parameters of a multirotor with their standard deviations and sources.
 
-``file`` is the vehicle file, ``library`` the vehicles that come with the package. ``from_log``
-makes a vehicle from a flight log. ``formats`` reads and writes those of other simulators.
+``file`` is the vehicle file, ``library`` the vehicles that come with the package. ``formats`` reads
+and writes those of other simulators, and ``load`` any of these. ``from_log`` makes a vehicle from a
+flight log.
 """
 
 from ges.vehicle.file import (
     Estimate,
     Quantity,
     Vehicle,
-    load_vehicle,
     parse_vehicle,
     save_vehicle,
     vehicle_content,
-    vehicle_path,
 )
+from ges.vehicle.load import load_vehicle, vehicle_path
 
 __all__ = [
     "Estimate",

@@ -19,13 +19,10 @@ from pydantic_core import ErrorDetails
 from ges.conventions import FEWEST_ROTORS, GRAVITY_M_S2, MAX_ROTORS
 from ges.errors import UsageError, unknown_name
 from ges.files import write_text
-from ges.plain_yaml import read_yaml
+from ges.simulator import effects as effect_table
 from ges.simulator import laws
 from ges.simulator.terrain import Terrain
-from ges.vehicle import library
 from ges.vehicle.layouts import Spin
-
-YAML_ENDINGS = (".yaml", ".yml")
 
 
 class _Strict(pydantic.BaseModel):
@@ -377,8 +374,8 @@ class Vehicle(_Strict):
 
         Returns
         -------
-        Values by name of :func:`ges.simulator.flight.parameters`; what the file leaves out is left
-        out.
+        Values by name of :func:`ges.simulator.parameters.parameters`; what the file leaves out is
+        left out.
         """
         named = {
             "mass_kg": self.mass_kg,
@@ -443,11 +440,9 @@ def _sentence(path: str, problem: ErrorDetails) -> str:
 
 
 def _check_effects(vehicle: Vehicle, path: str) -> None:
-    from ges.simulator import effects
-
     for name, values in vehicle.effects.items():
         try:
-            effects.get(name).values({key: q.value for key, q in values.items()})
+            effect_table.get(name).values({key: q.value for key, q in values.items()})
         except UsageError as error:
             raise UsageError(f"{path}: {error}") from None
         for key in values:
@@ -500,67 +495,6 @@ def parse_vehicle(content: Any, path: str = "vehicle") -> Vehicle:
     return vehicle
 
 
-def vehicle_path(source: str | Path) -> Path:
-    """Find the file of a vehicle.
-
-    Parameters
-    ----------
-    source : name of a vehicle in :mod:`ges.vehicle.library`, or path of a vehicle file.
-
-    Returns
-    -------
-    Path of the file, which need not exist if ``source`` is a path.
-
-    Raises
-    ------
-    UsageError
-        When it is a name that the library does not have; the message has the nearest one.
-    """
-    path = Path(source)
-    if str(source) in library.names():
-        return library.path_of(str(source))
-    # neither a path nor an ending of a file: a name of the library, misspelt
-    if not path.exists() and path.name == str(source) and path.suffix not in YAML_ENDINGS:
-        raise unknown_name("vehicle", path.name, library.names())
-    return path
-
-
-def load_vehicle(source: str | Path) -> Vehicle:
-    """Read a vehicle.
-
-    Parameters
-    ----------
-    source : a vehicle file (YAML), a name of :mod:`ges.vehicle.library`, or a model of another
-        simulator that :mod:`ges.vehicle.formats` reads.
-
-    Returns
-    -------
-    The vehicle, checked.
-
-    Raises
-    ------
-    GesError
-        When there is no such vehicle, or its file cannot be read.
-    UsageError
-        When its content is not possible; the message names the key.
-
-    Examples
-    --------
-    >>> from ges.vehicle.file import load_vehicle
-    >>> vehicle = load_vehicle("hummingbird")
-    >>> vehicle.mass_kg
-    Quantity(value=0.5, sd=0.02)
-    """
-    path = vehicle_path(source)
-    # what is no YAML may be a model of another simulator, known by its content
-    if path.suffix not in YAML_ENDINGS and path.is_file():
-        from ges.vehicle import formats
-
-        if kind := formats.kind_of(path):
-            return formats.read_model(path, kind).vehicle
-    return parse_vehicle(read_yaml(path, "vehicle file"), path.name)
-
-
 def vehicle_content(vehicle: Vehicle) -> dict[str, Any]:
     """Give the content of a vehicle file: sds kept, keys in their standard order.
 
@@ -608,9 +542,7 @@ def _plain(value: Any) -> Any:
 
 def _rotor_of(effect: str, parameter: str) -> int:
     """Give the number of the rotor that a parameter of an effect belongs to, from 1; 0 for none."""
-    from ges.simulator import effects
-
-    return effects.get(effect).parameter(parameter).rotor
+    return effect_table.get(effect).parameter(parameter).rotor
 
 
 def _law_content(law: Law) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from ges.conventions import MAX_ROTORS, rotor_speed
 from ges.errors import GesError
 from ges.simulator import laws
-from ges.simulator.effects import Samples
+from ges.simulator.effects import Samples, evaluate_terms
 from ges.simulator.laws import Group, Term
 from ges.simulator.terrain import Terrain
 from ges.vehicle.file import Vehicle
@@ -97,7 +97,7 @@ def law_as(vehicle: Vehicle, language: str) -> str:
 
     Examples
     --------
-    >>> from ges.vehicle.file import load_vehicle
+    >>> from ges.vehicle.load import load_vehicle
     >>> from ges.vehicle.file import Law
     >>> law = Law(channel="force_y", form="0.1 m g (V_x/v_h)")
     >>> vehicle = load_vehicle("crazyflie-2.1").model_copy(update={"laws": (law,)})
@@ -161,7 +161,7 @@ def _constants(vehicle: Vehicle, used: Sequence[Group], moments: bool) -> dict[s
     # a rotor that lies off the origin's height would count in h: the ground is put below the mean
     height_m = 1.0 + float(vehicle.rotor_arrays()["z_m"].mean())
     constant = [Term.of("force_x", "m g", {}), Term.of("moment_x", "m g", {})]
-    force, moment, *each = laws.along(
+    force, moment, *each = evaluate_terms(
         [*constant, *asked], parameters, samples, {}, Terrain.flat(height_m - 1.0)
     )[0]
     values = {"m_g": float(force), **({"L": float(moment / force)} if moments else {})}

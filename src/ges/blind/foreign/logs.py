@@ -14,7 +14,8 @@ from typing import Any
 from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_recorded
 from ges.blind.generator.airframe import DOUBTS
 from ges.recordings.readers import Options, open_log
-from ges.vehicle.file import load_vehicle, vehicle_content
+from ges.vehicle.file import vehicle_content
+from ges.vehicle.load import load_vehicle
 
 WORLD = "px4-simulators"
 LIMIT = "not known: the log is all there is"

@@ -19,7 +19,8 @@ from ges.diagnose.calibrate.calibrate import calibrate
 from ges.errors import GesError
 from ges.recordings.readers import Options, open_log
 from ges.recordings.recording import make_set
-from ges.vehicle.file import Quantity, Vehicle, load_vehicle, vehicle_content
+from ges.vehicle.file import Quantity, Vehicle, vehicle_content
+from ges.vehicle.load import load_vehicle
 
 CRAZYPAD, IMRCLAB, APPIUS = "crazypad", "imrclab-crazyflie", "appius"
 FOLDERS = {CRAZYPAD: "crazypad", IMRCLAB: "imrclab-crazyflie", APPIUS: "appius-ground-effect"}

@@ -13,7 +13,7 @@ from ges.blind.score.heldout import reductions
 from ges.blind.score.oracle import FREE, SHAPES, Oracle, Witness, is_load, rms
 from ges.errors import GesError
 from ges.simulator import effects as effect_table
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 
 @dataclasses.dataclass(frozen=True)

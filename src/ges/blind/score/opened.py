@@ -22,7 +22,7 @@ from ges.files import read_kept, sha256, tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 from ges.simulator import effects as effect_table
 from ges.simulator._lib import library_path
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 KEPT = "opened"
 PARTS = ("fit", "detectable")

@@ -29,7 +29,8 @@ from ges.conventions import (
 from ges.errors import GesError
 from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain
-from ges.vehicle.file import Vehicle, load_vehicle
+from ges.vehicle.file import Vehicle
+from ges.vehicle.load import load_vehicle
 
 STEP_S = 0.004
 # the exponential form with no ceiling that binds: gain and decay are all that shapes it

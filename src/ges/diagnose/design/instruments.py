@@ -24,6 +24,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
+from ges.simulator.parameters import parameters
 
 MOMENTS = ("moment_x", "moment_y", "moment_z")
 # Lags of commands in half windows, value, slope and curvature on either side of a window.
@@ -63,7 +64,7 @@ def replay_references(
     # the replay's controller would respond to the noise of sensors, and the references know none
     quiet = {
         name: 0.0
-        for name in sim.parameters()
+        for name in parameters()
         if name.endswith(("_noise_rad_s", "_noise_m_s2", "_noise_m", "_noise_m_s"))
     }
     # references give no more of the attitude than the yaw: level, and rotors as in a hover

@@ -22,7 +22,7 @@ from ges.diagnose.select.search import log_odds_against_one_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
-from ges.simulator.laws import LAW, SCALES, Term, along
+from ges.simulator.laws import LAW, SCALES, Term
 
 SPEEDS = ("V_x/v_h", "V_y/v_h", "V_z/v_h", "v_z/v_h")
 HORIZONTAL = "V_h/v_h"
@@ -148,9 +148,10 @@ def term_columns(terms: Sequence[Term], system: System, model: Model) -> list[np
         state, _ = replay_model(rows.flight, model, model.effects)
         samples = effect_table.Samples.from_columns(state)
         effects = {k: v for k, v in without_actuators(model.effects).items() if k != LAW}
-        columns.append(
-            rows.windows.mean @ along(terms, model.parameters, samples, effects, model.terrain)
+        added = effect_table.evaluate_terms(
+            terms, model.parameters, samples, effects, model.terrain
         )
+        columns.append(rows.windows.mean @ added)
     return columns
 
 

@@ -71,7 +71,7 @@ class Model:
         -------
         Its value, or the simulator's default where the file has none.
         """
-        from ges.simulator.flight import parameters
+        from ges.simulator.parameters import parameters
 
         return float(self.parameters.get(name, parameters()[name].default))
 

@@ -27,7 +27,8 @@ from ges.simulator.terrain import Terrain
 from ges.study.config import Flights, GroundEffect, Simulator
 from ges.study.figures.ground import flat_factor
 from ges.study.fly.flights import flown, mode
-from ges.vehicle.file import Vehicle, load_vehicle
+from ges.vehicle.file import Vehicle
+from ges.vehicle.load import load_vehicle
 
 FORMS = get_args(GroundEffect.model_fields["form"].annotation)
 BLOCK_S = 2.0

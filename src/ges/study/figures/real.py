@@ -10,7 +10,7 @@ from scipy import stats
 
 from ges.study.figures import style
 from ges.study.figures.flights import FORMS, form_curve
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ABSENT = """The published recordings are not at hand, so this figure shows nothing.
 'ges recordings fetch appius-ground-effect --out recordings' brings them;

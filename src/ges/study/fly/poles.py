@@ -31,6 +31,7 @@ import pandas as pd
 
 from ges.errors import GesError
 from ges.simulator import flight as sim
+from ges.simulator.parameters import parameters
 from ges.simulator.terrain import ProceduralShape, Terrain
 from ges.study.config import Simulator
 from ges.study.fly.flights import MAPPINGS, write_csv
@@ -45,7 +46,7 @@ HILL_M = 10.0
 
 def gravity() -> float:
     """Return the acceleration of gravity that the simulator flies with (m/s^2)."""
-    return sim.parameters()["gravity_m_s2"].default
+    return parameters()["gravity_m_s2"].default
 
 
 @dataclasses.dataclass(frozen=True)
@@ -239,7 +240,7 @@ def _delay(seconds: float) -> control.TransferFunction:
 def _periods(simulator: Simulator) -> tuple[float, float]:
     """Return the periods of the firmware and of the rangefinder that it gets to see (s)."""
     # sensors are read when the firmware runs, so a new range comes at multiples of both periods
-    read_every = math.lcm(simulator.control_every, int(sim.parameters()["telemetry_every"].default))
+    read_every = math.lcm(simulator.control_every, int(parameters()["telemetry_every"].default))
     return simulator.control_every * simulator.dt_s, read_every * simulator.dt_s
 
 
