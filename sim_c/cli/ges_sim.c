@@ -54,9 +54,9 @@ static int column_index(const char *name) {
   return -1;
 }
 
-static int effect_index(const char *name, ges_effect_info *info) {
-  for (int id = 0; ges_effect(id, info); id++)
-    if (!strcmp(info->name, name)) return id;
+static int effect_index(const char *name) {
+  for (int id = 0; ges_effect(id); id++)
+    if (!strcmp(ges_effect(id), name)) return id;
   return -1;
 }
 
@@ -71,26 +71,27 @@ static void begin_flight(script_t *s, const char *path, int line) {
   f->parameters = values;
 }
 
-static int effect_slot(ges_flight *f, const char *name, ges_effect_info *info, const char *path, int line) {
-  int id = effect_index(name, info);
+static int effect_slot(ges_flight *f, const char *name, const char *path, int line) {
+  int id = effect_index(name);
   if (id < 0) stop(path, line, "unknown effect; see the effects folder for names");
   for (int j = 0; j < f->effects.n; j++)
     if (f->effects.id[j] == id) return j;
   if (f->effects.n == GES_MAX_EFFECTS) stop(path, line, "too many effects; at most 40");
   int j = f->effects.n++;
   f->effects.id[j] = id;
-  for (int k = 0; k < info->n_parameters; k++) f->effects.value[j][k] = info->parameters[k].value;
+  ges_parameter known[GES_MAX_PARAMETERS];
+  for (int k = 0, n = ges_effect_parameters(id, known); k < n; k++) f->effects.value[j][k] = known[k].value;
   return j;
 }
 
 static void set_effect(ges_flight *f, char *name, double value, const char *path, int line) {
-  ges_effect_info info;
+  ges_parameter known[GES_MAX_PARAMETERS];
   char *dot = strchr(name, '.');
   if (!dot) stop(path, line, "expected effect.NAME.PARAMETER = VALUE");
   *dot = 0;
-  int j = effect_slot(f, name, &info, path, line);
-  for (int k = 0; k < info.n_parameters; k++)
-    if (!strcmp(info.parameters[k].name, dot + 1)) {
+  int j = effect_slot(f, name, path, line);
+  for (int k = 0, n = ges_effect_parameters(f->effects.id[j], known); k < n; k++)
+    if (!strcmp(known[k].name, dot + 1)) {
       f->effects.value[j][k] = value;
       return;
     }
@@ -185,8 +186,7 @@ static void read_line(script_t *s, char *text, const char *path, int line) {
   }
   if (s->n == 0) stop(path, line, "say 'flight' before its settings");
   ges_flight *f = &s->flight[s->n - 1];
-  ges_effect_info info;
-  if (!strcmp(word, "effect")) effect_slot(f, rest, &info, path, line);
+  if (!strcmp(word, "effect")) effect_slot(f, rest, path, line);
   else if (!strcmp(word, "term")) read_term(f, rest, path, line);
   else if (!strcmp(word, "inputs")) read_inputs(f, rest, path, line);
   else read_assignment(f, text, path, line);

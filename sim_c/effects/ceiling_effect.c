@@ -34,7 +34,7 @@ EFFECT(ceiling_effect) = {
     .rarity = 0.1,
     .search =
         {
-         {.amplitudes = "amplitude", .rule = "above", .axis = "ceiling_z_m", LEVELS(0.5, 1, 2, 4)},
+         {.amplitudes = "amplitude", .rule = "above", .axis = "ceiling_z_m", .levels = LEVELS(0.5, 1, 2, 4)},
         },
     .wrench = wrench,
 };

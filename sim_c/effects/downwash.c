@@ -47,7 +47,7 @@ EFFECT(downwash) = {
     .error_of = "wind",
     .search =
         {
-         {.amplitudes = "force_N", .rule = "over_places", LEVELS(5), .fixed = {{"spread", 0}},
+         {.amplitudes = "force_N", .rule = "over_places", .levels = LEVELS(5), .fixed = {{"spread", 0}},
           .axis = "other_x_m other_y_m other_z_m width_m"},
         },
     .wrench = wrench,

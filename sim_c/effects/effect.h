@@ -2,7 +2,7 @@
  *
  * An effect is one file that ends in a constant `effect_t`, plus one line in effects.def. It returns increments,
  * which are summed; no effect reads another's output. What several need (thrust out of ground effect, air velocity,
- * height of each rotor) is in the sample, computed once by body/sample.h for simulated and recorded states alike.
+ * height of each rotor) is in the sample, computed once by body/model.h for simulated and recorded states alike.
  * Forces and moments are in the body frame, the moment about the body origin.
  *
  * Order of a step: `adjust` once a flight, then `blow`, `cushion`, `ground`; the thrusts of `ground` over the rotors'
@@ -15,8 +15,8 @@
 
 #include "../core/lanes.h"
 #include "../core/vmath.h"
-#include "../include/ges.h"
 #include "../world/terrain.h"
+#include "descriptor.h"
 
 /* Units of 4, 6 and 8 rotors that stand upright and are alike have loops of fixed length. That of GES_MAX_ROTORS serves
  * every vehicle: as many rotors as it has, each with its own direction, coefficients and lag. */
@@ -81,18 +81,8 @@ typedef struct {
 
 /* p: the effect's parameters; x: its extra states; dx: their rates (already zero). */
 typedef struct {
-  const char *name, *title, *equation, *reference, *modifies, *channels;
-  int kind, n_parameters, n_states;
-  unsigned invariants;
+  GES_EFFECT(GES_FIELD)
   ges_effect_parameter parameters[GES_MAX_PARAMETERS];
-  int about, feedback;
-  unsigned hints;
-  double rarity;
-  const char *needs, *through, *family, *usual_beside, *error_of, *settled;
-  struct {
-    double levels[GES_MAX_LEVELS];
-    int n_levels;
-  } carried;
   ges_search search[GES_MAX_SEARCHES];
   void (*adjust)(sample_t *s, const vd *p); /* kind parameter: corrects the vehicle's constants */
   void (*begin)(const sample_t *s, const vd *p, vd *x); /* first values of the extra states; default 0 */

@@ -41,7 +41,7 @@ EFFECT(esc_delay) = {
     .family = "lateness of the drive",
     .search =
         {
-         {.amplitudes = "delay_s", .rule = "levels", LEVELS(0.005, 0.012, 0.03)},
+         {.amplitudes = "delay_s", .rule = "levels", .levels = LEVELS(0.005, 0.012, 0.03)},
         },
     .begin = begin,
     .drive = drive,

@@ -39,7 +39,7 @@ EFFECT(fountain_lift) = {
     .family = "lift near the ground",
     .search =
         {
-         {.amplitudes = "c_b", .axis = "c_s", LEVELS(0.5, 1, 2, 3)},
+         {.amplitudes = "c_b", .axis = "c_s", .levels = LEVELS(0.5, 1, 2, 3)},
         },
     .ground = ground,
 };

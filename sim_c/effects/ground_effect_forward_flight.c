@@ -33,10 +33,10 @@ EFFECT(ground_effect_forward_flight) = {
     .feedback = GES_FEEDBACK_THRUST_GAIN,
     .needs = "height velocity",
     .hints = GES_UNLIKE_FORM_ERROR,
-    .carried = {LEVELS(1, 2.7)},
+    .carried = LEVELS(1, 2.7),
     .search =
         {
-         {.amplitudes = "c", .rule = "levels", LEVELS(0.4, 1, 2.2, 5)},
+         {.amplitudes = "c", .rule = "levels", .levels = LEVELS(0.4, 1, 2.2, 5)},
         },
     .ground = ground,
 };

@@ -38,10 +38,10 @@ EFFECT(ground_effect_lag) = {
     .feedback = GES_FEEDBACK_THRUST_GAIN,
     .needs = "height",
     .hints = GES_UNLIKE_FORM_ERROR,
-    .carried = {LEVELS(4)},
+    .carried = LEVELS(4),
     .search =
         {
-         {.amplitudes = "c", .rule = "levels", LEVELS(0.7, 2, 5)},
+         {.amplitudes = "c", .rule = "levels", .levels = LEVELS(0.7, 2, 5)},
         },
     .begin = begin,
     .ground = ground,

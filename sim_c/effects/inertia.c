@@ -31,7 +31,7 @@ EFFECT(inertia) = {
     .rarity = 0.1,
     .search =
         {
-         {.amplitudes = "xx yy zz", .rule = "axes", LEVELS(0.4, -0.3)},
+         {.amplitudes = "xx yy zz", .rule = "axes", .levels = LEVELS(0.4, -0.3)},
         },
     .adjust = adjust,
 };

@@ -33,7 +33,7 @@ EFFECT(motor_lag) = {
     .family = "lateness of the drive",
     .search =
         {
-         {.amplitudes = "up_s down_s", .rule = "slower", LEVELS(0.25, 1, 3)},
+         {.amplitudes = "up_s down_s", .rule = "slower", .levels = LEVELS(0.25, 1, 3)},
         },
     .drive = drive,
 };

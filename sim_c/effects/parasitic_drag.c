@@ -34,7 +34,7 @@ EFFECT(parasitic_drag) = {
     .family = "drag",
     .search =
         {
-         {.amplitudes = "area_m2", .axis = "vertical_ratio", LEVELS(1, 1.7)},
+         {.amplitudes = "area_m2", .axis = "vertical_ratio", .levels = LEVELS(1, 1.7)},
         },
     .wrench = wrench,
 };

@@ -53,7 +53,7 @@ EFFECT(partial_ground_effect) = {
     .needs = "height",
     .search =
         {
-         {.amplitudes = "k", .rule = "levels", LEVELS(0.4, 0.7, 1, 1.5)},
+         {.amplitudes = "k", .rule = "levels", .levels = LEVELS(0.4, 0.7, 1, 1.5)},
         },
     .ground = ground,
 };

@@ -31,7 +31,7 @@ EFFECT(rangefinder_lag) = {
     .needs = "range smooth_ground",
     .search =
         {
-         {.amplitudes = "tau_s", .rule = "levels", LEVELS(0.05, 0.12, 0.3)},
+         {.amplitudes = "tau_s", .rule = "levels", .levels = LEVELS(0.05, 0.12, 0.3)},
         },
     .sense = sense,
 };

@@ -27,7 +27,7 @@ EFFECT(rotor_saturation) = {
     .error_of = "thrust_curve",
     .search =
         {
-         {.amplitudes = "share", .rule = "asked", LEVELS(0.1, 0.4, 0.7)},
+         {.amplitudes = "share", .rule = "asked", .levels = LEVELS(0.1, 0.4, 0.7)},
         },
     .drive = drive,
 };

@@ -140,15 +140,15 @@ EFFECT(slung_load) = {
     .search =
         {
          {.amplitudes = "mass_kg", .rule = "hanging", .fixed = {{"below_m", 20}}, .axis = "length_m",
-          LEVELS(0.15, 0.159, 0.169, 0.179, 0.189, 0.201, 0.213, 0.226, 0.239, 0.253, 0.269, 0.285, 0.302,
+          .levels = LEVELS(0.15, 0.159, 0.169, 0.179, 0.189, 0.201, 0.213, 0.226, 0.239, 0.253, 0.269, 0.285, 0.302,
           0.32, 0.339, 0.359, 0.381, 0.404, 0.428, 0.454, 0.481, 0.51, 0.541, 0.573, 0.607, 0.644, 0.682,
           0.723, 0.767, 0.813, 0.862, 0.913, 0.968, 1.2, 1.7, 2.4)},
          {.amplitudes = "mass_kg", .rule = "at_hubs", .fixed = {{"length_m", 0.6}, {"below_m", 20}},
           .axis = "attach_x_m attach_y_m"},
-         {.amplitudes = "mass_kg", .rule = "lying", .axis = "length_m", LEVELS(0.15, 0.2, 0.27, 0.36, 0.5,
+         {.amplitudes = "mass_kg", .rule = "lying", .axis = "length_m", .levels = LEVELS(0.15, 0.2, 0.27, 0.36, 0.5,
           0.7, 1.2, 2.4)},
          {.amplitudes = "mass_kg", .rule = "drawn", .fixed = {{"start_x_m", 0}, {"start_y_m", 0}},
-          .axis = "length_m attach_x_m attach_y_m", LEVELS(0.6, 1.2)},
+          .axis = "length_m attach_x_m attach_y_m", .levels = LEVELS(0.6, 1.2)},
         },
     .begin = begin,
     .wrench = wrench,

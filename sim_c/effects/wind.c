@@ -42,7 +42,7 @@ EFFECT(wind) = {
     .through = "rotor_drag parasitic_drag",
     .search =
         {
-         {.amplitudes = "east_m_s north_m_s", .axis = "roughness_m", LEVELS(0, 0.03)},
+         {.amplitudes = "east_m_s north_m_s", .axis = "roughness_m", .levels = LEVELS(0, 0.03)},
         },
     .blow = blow,
 };

@@ -17,7 +17,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 9
+#define GES_ABI 10
 #define GES_MAX_ROTORS 16
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 16    /* parameters of one effect */
@@ -47,130 +47,6 @@ typedef struct {
   int input_columns; /* 0: reads no table of its own */
   int rotor_columns; /* 1: before these one for every rotor */
 } ges_choice;
-
-/* What a parameter is to a fit: a coefficient that scales the effect, a shape that is searched or fitted, or a number
- * that whoever switches the effect on has to know. */
-enum { GES_AMPLITUDE = 1, GES_SHAPE = 2, GES_SWITCH = 3 };
-
-/* Trims of a vehicle, fitted to flights that are known to be good. */
-enum { GES_TRIM_THRUST = 1, GES_TRIM_ROTOR = 2, GES_TRIM_LEVER = 3, GES_TRIM_YAW = 4 };
-
-typedef struct {
-  const char *name;
-  double value;
-} ges_setting;
-
-/* Of a drive's delay the doubt takes in how long commands are held, of its lag what a command does between two rows of
- * the log; of both what a motor's second pole looks like. */
-enum { GES_TIMING_DELAY = 1, GES_TIMING_LAG = 2 };
-
-/* How far a parameter may be off without any finding: a trim, a sensor, a drive that no vehicle file states. */
-typedef struct {
-  const char *shows_in; /* channels, or blocks of them, of which one has to be there; "any"; NULL: never off */
-  double step;          /* from neutral, at which it is linearised */
-  double sd, flight_sd; /* usual doubt, and how much flights of one vehicle differ */
-  double mean;
-  int per_arm;          /* step and doubts are in arm lengths */
-  int reciprocal;       /* acts as 1/(1 + x): linear up to where the doubt ends */
-  int timing;           /* what the recording adds to the doubt, see below */
-  int with_voltage;     /* free where every flight logged the battery's voltage */
-  double unlogged_voltage_sd; /* from flight to flight, where neither that nor rotor speeds were logged */
-} ges_doubt;
-
-typedef struct {
-  const char *name, *unit, *doc;
-  int role;
-  double value;     /* a typical size, used when an effect is switched on by name alone */
-  double neutral;   /* the effect vanishes here, or is what a vehicle has that does not state it (NaN: neither) */
-  double low, high; /* both allowed */
-  double fit_low, fit_high; /* narrower bounds of a fit; both 0: low and high */
-  double plausible;         /* amplitude: sd that is plausible by itself; 0: by what it makes of the flights' forces */
-  double usual, usual_sd;   /* shape: where it usually is; sd 0: nothing is usual */
-  double usual_share;       /* amplitude: of the weight, at 1 m/s; where another effect needs this one to act through */
-  int fitted;               /* shape that flights may move */
-  int whole;                /* axis of a vector that is fitted whole */
-  int rotor;                /* the rotor that it belongs to, from 1, or 0 */
-  int trim;
-  const char *corrects;     /* numbers of the vehicle file that it corrects, or NULL */
-  ges_setting acts_above;   /* shape that does something where this parameter is above this value alone */
-  double reach;             /* shape that is a place or a length: share of `reach_over` that a fit may move it at once */
-  const char *reach_over;   /* "radius", or a parameter */
-  ges_doubt doubt;
-} ges_effect_parameter;
-
-#define GES_MAX_LEVELS 40
-#define GES_MAX_SEARCHES 6
-#define LEVELS(...) .levels = {__VA_ARGS__}, .n_levels = (int)(sizeof((double[]){__VA_ARGS__}) / sizeof(double))
-
-/* Variants of an effect that a search tries: amplitudes that are fitted together, over levels of an axis. */
-typedef struct {
-  const char *amplitudes; /* space-separated; "*" for the number of every rotor */
-  const char *rule;       /* how variants are laid out (ges.diagnose.library.grids); NULL: one for each level of the axis */
-  ges_setting fixed[4];
-  const char *axis;       /* parameters that vary, space-separated, or NULL */
-  const char *across;     /* one more, over the doubt that the vehicle file has of it, or NULL */
-  double levels[GES_MAX_LEVELS];
-  int n_levels;
-  int modified;           /* with each effect that modifies this one, at its `carried` levels */
-} ges_search;
-
-enum { GES_WRENCH = 0, GES_ACTUATOR = 1, GES_SENSOR = 2, GES_WIND = 3, GES_PARAMETER = 4 };
-
-/* What stays true of an effect whatever the state; the contract tests hold it to that. */
-enum {
-  GES_INVARIANT_MIRROR = 1,     /* reflecting the vehicle left-right reflects the wrench */
-  GES_INVARIANT_DISSIPATES = 2, /* never feeds energy into the motion relative to the air */
-  GES_INVARIANT_NO_WORK = 4,    /* its power is zero */
-  GES_INVARIANT_FADES = 8,      /* vanishes far from the ground */
-  GES_INVARIANT_FREE_AIR = 16   /* does not depend on the ground */
-};
-
-/* What a finding is about: physics that a simulator lacks, a number that it has wrong, or a sensor. */
-enum { GES_PHYSICS = 1, GES_DECLARED = 2, GES_FAULT = 3 };
-
-/* How the controller's feedback shows in what an effect makes of a flight; an effect that states none does not load.
- * Dynamic: it follows the changes of rotor speeds, with which the controller answers disturbances. Thrust gain: it
- * multiplies thrust. Rotor: it takes from one rotor. Load: it hangs below. Height: the height that it is held against
- * is a reading. */
-enum {
-  GES_FEEDBACK_NONE = 1,
-  GES_FEEDBACK_DYNAMIC = 2,
-  GES_FEEDBACK_THRUST_GAIN = 3,
-  GES_FEEDBACK_ROTOR = 4,
-  GES_FEEDBACK_LOAD = 5,
-  GES_FEEDBACK_HEIGHT = 6
-};
-
-enum {
-  GES_OWN_LEVER = 1,         /* its moments have a coefficient of their own: their lever is not known */
-  GES_LEVER_OF_CARRIER = 2,  /* it is that coefficient, of the effect that it modifies */
-  GES_CLIPS = 4,             /* a share of its step says nothing of it */
-  GES_UNLIKE_FORM_ERROR = 8, /* does not look like what the form of a larger effect is wrong by */
-  GES_RANDOM = 16,           /* another one in every flight: a vehicle file does not know which */
-  GES_READS_VOLTAGE = 32,
-  GES_MANY = 64              /* a vehicle that has one may have more of it */
-};
-
-typedef struct {
-  const char *name, *title, *equation, *reference;
-  const char *modifies; /* name of the effect without which this one is nothing, or NULL */
-  const char *channels; /* space-separated: force_x ... moment_z drive range gyro acc attitude */
-  int kind, n_parameters, n_states;
-  unsigned invariants;
-  const ges_effect_parameter *parameters;
-  int about, feedback;
-  unsigned hints;
-  double rarity;              /* how often it is met, over others; 0: as often */
-  const char *needs;          /* what has to be recorded, space-separated (ges.diagnose.library.requirements), or NULL */
-  const char *through;        /* effects of which one has to be on for this one to act, or NULL */
-  const char *family;         /* effects of one family act in one place, or NULL */
-  const char *usual_beside;   /* what is there as a rule, and looks like this one, or NULL */
-  const char *error_of;       /* the larger effect whose form may be wrong by what looks like this one, or NULL */
-  const char *settled;        /* why it enters no search, or NULL */
-  const double *carried;      /* levels at which it is tried together with what it modifies */
-  int n_carried, n_searches;
-  const ges_search *searches; /* none: all amplitudes together */
-} ges_effect_info;
 
 /* A height map, row-major z[iy * nx + ix] over uniform x and y (m); outside it the edge value holds. */
 typedef struct {
@@ -228,8 +104,12 @@ int ges_columns(const ges_column **table);
 int ges_replay_columns(const ges_column **inputs, int *n_inputs, const ges_column **outputs, int *n_outputs);
 int ges_modes(const ges_choice **table);
 int ges_controllers(const ges_choice **table);
-int ges_effect_count(void);
-int ges_effect(int id, ges_effect_info *info);
+/* Name of an effect, by its number from 0, or NULL; and its parameters: how many of the GES_MAX_PARAMETERS of a list. */
+const char *ges_effect(int id);
+int ges_effect_parameters(int id, ges_parameter *list);
+/* The descriptors of all effects (effects/descriptor.h) in JSON, with NaN and Infinity: a list in the order of their numbers.
+ * The text stays where it is. */
+const char *ges_describe_effects(void);
 int ges_groups(const ges_group **table);
 
 /* Fly n flights; columns selects what is recorded; lanes is 0 (choose) or at most 1, 2, 4 or 8. Results do not

@@ -9,19 +9,9 @@
 #include "../firmware/firmware.h"
 #include "../world/ground.h"
 #include "columns.h"
+#include "effects_known.h"
 #include "kernel.h"
 #include "parameters.h"
-
-#define X(name) extern const effect_t effect_##name##_r4_w1;
-#include "../effects/effects.def"
-#undef X
-
-static const effect_t *const effects_known[] = {
-#define X(name) &effect_##name##_r4_w1,
-#include "../effects/effects.def"
-#undef X
-};
-enum { N_EFFECTS = sizeof effects_known / sizeof *effects_known };
 
 static const ges_parameter parameter_table[] = {
 #define X(name, unit, value, low, high, doc) {#name, unit, doc, value, low, high},
@@ -111,22 +101,15 @@ int ges_controllers(const ges_choice **table) {
   return N_CONTROLLERS;
 }
 
-int ges_effect_count(void) { return N_EFFECTS; }
+const char *ges_effect(int id) { return id < 0 || id >= N_EFFECTS ? NULL : effects_known[id]->name; }
 
-int ges_effect(int id, ges_effect_info *info) {
-  if (id < 0 || id >= N_EFFECTS) return 0;
+int ges_effect_parameters(int id, ges_parameter *list) {
   const effect_t *e = effects_known[id];
-  int n = 0;
-  while (n < GES_MAX_SEARCHES && e->search[n].amplitudes) n++;
-  *info = (ges_effect_info){
-      .name = e->name, .title = e->title, .equation = e->equation, .reference = e->reference, .modifies = e->modifies,
-      .channels = e->channels, .kind = e->kind, .n_parameters = e->n_parameters, .n_states = e->n_states, .invariants = e->invariants,
-      .parameters = e->parameters, .about = e->about, .feedback = e->feedback, .hints = e->hints, .rarity = e->rarity,
-      .needs = e->needs, .through = e->through, .family = e->family, .usual_beside = e->usual_beside,
-      .error_of = e->error_of, .settled = e->settled,
-      .carried = e->carried.levels, .n_carried = e->carried.n_levels, .n_searches = n, .searches = e->search,
-  };
-  return 1;
+  for (int k = 0; k < e->n_parameters; k++) {
+    const ges_effect_parameter *p = &e->parameters[k];
+    list[k] = (ges_parameter){p->name, p->unit, p->doc, p->value, p->low, p->high};
+  }
+  return e->n_parameters;
 }
 
 int ges_groups(const ges_group **table) {

@@ -68,9 +68,15 @@ def test_the_new_effect_is_found_where_it_is_concealed(copy):
     assert done.stdout.startswith("physics flapping_moment "), done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("field", ["about", "feedback"])
+@pytest.mark.parametrize("field", ["kind", "about", "feedback"])
 def test_an_effect_that_leaves_out_what_all_have_to_say_does_not_load(field):
-    info = _lib.effect_infos()[effects.get("rotor_drag").number]
-    setattr(info, field, 0)
-    with pytest.raises(GesError, match="rotor_drag declares no 'about' or no 'feedback'"):
-        _effect(0, info)
+    given = _lib.effect_descriptors()[effects.get("rotor_drag").number]
+    with pytest.raises(GesError, match=f"effect rotor_drag declares no '{field}'"):
+        _effect(0, given | {field: ""})
+
+
+def test_a_parameter_that_leaves_out_its_role_does_not_load():
+    given = _lib.effect_descriptors()[effects.get("rotor_drag").number]
+    without = tuple(p | {"role": ""} for p in given["parameters"])
+    with pytest.raises(GesError, match="parameter k_kg of effect rotor_drag declares no 'role'"):
+        _effect(0, given | {"parameters": without})

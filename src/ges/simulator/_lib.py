@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes as ct
 import functools
+import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,8 +20,8 @@ from numpy.typing import ArrayLike
 from ges.conventions import MOST_NUMBERS
 from ges.errors import GesError
 
-ABI = 9
-MAX_EFFECTS, MAX_PARAMETERS, MAX_LEVELS = 40, 16, 40
+ABI = 10
+MAX_EFFECTS, MAX_PARAMETERS = 40, 16
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
 _double_p = ct.POINTER(ct.c_double)
@@ -43,62 +44,6 @@ class CChoice(ct.Structure):
     _fields_ = [
         *((n, ct.c_char_p) for n in ("name", "doc")),
         *((n, ct.c_int) for n in ("input_columns", "rotor_columns")),
-    ]
-
-
-class CSetting(ct.Structure):
-    _fields_ = [("name", ct.c_char_p), ("value", ct.c_double)]
-
-
-class CDoubt(ct.Structure):
-    _fields_ = [
-        ("shows_in", ct.c_char_p),
-        *((n, ct.c_double) for n in ("step", "sd", "flight_sd", "mean")),
-        *((n, ct.c_int) for n in ("per_arm", "reciprocal", "timing", "with_voltage")),
-        ("unlogged_voltage_sd", ct.c_double),
-    ]
-
-
-class CEffectParameter(ct.Structure):
-    _fields_ = [
-        *((n, ct.c_char_p) for n in ("name", "unit", "doc")),
-        ("role", ct.c_int),
-        *((n, ct.c_double) for n in ("value", "neutral", "low", "high", "fit_low", "fit_high")),
-        *((n, ct.c_double) for n in ("plausible", "usual", "usual_sd", "usual_share")),
-        *((n, ct.c_int) for n in ("fitted", "whole", "rotor", "trim")),
-        ("corrects", ct.c_char_p),
-        ("acts_above", CSetting),
-        ("reach", ct.c_double),
-        ("reach_over", ct.c_char_p),
-        ("doubt", CDoubt),
-    ]
-
-
-class CSearch(ct.Structure):
-    _fields_ = [
-        *((n, ct.c_char_p) for n in ("amplitudes", "rule")),
-        ("fixed", CSetting * 4),
-        *((n, ct.c_char_p) for n in ("axis", "across")),
-        ("levels", ct.c_double * MAX_LEVELS),
-        *((n, ct.c_int) for n in ("n_levels", "modified")),
-    ]
-
-
-class CEffectInfo(ct.Structure):
-    _fields_: ClassVar[Any] = [
-        *((n, ct.c_char_p) for n in ("name", "title", "equation", "reference")),
-        *((n, ct.c_char_p) for n in ("modifies", "channels")),
-        *((n, ct.c_int) for n in ("kind", "n_parameters", "n_states")),
-        ("invariants", ct.c_uint),
-        ("parameters", ct.POINTER(CEffectParameter)),
-        *((n, ct.c_int) for n in ("about", "feedback")),
-        ("hints", ct.c_uint),
-        ("rarity", ct.c_double),
-        *((n, ct.c_char_p) for n in ("needs", "through", "family", "usual_beside", "error_of")),
-        ("settled", ct.c_char_p),
-        ("carried", _double_p),
-        *((n, ct.c_int) for n in ("n_carried", "n_searches")),
-        ("searches", ct.POINTER(CSearch)),
     ]
 
 
@@ -189,6 +134,7 @@ def load(path: Path | None = None) -> ct.CDLL:
         )
     # a count is a Python int, which ctypes passes as a C int unless told it is one of 64 bits
     library.ges_rows.argtypes = [_double_p]
+    library.ges_describe_effects.restype = ct.c_char_p
     library.ges_replay.argtypes = [
         _double_p,
         ct.POINTER(CEffects),
@@ -286,14 +232,19 @@ def replay_tables() -> tuple[list[Column], list[Column]]:
     return _column_list(inputs, n_in.value), _column_list(outputs, n_out.value)
 
 
-def effect_infos() -> list[CEffectInfo]:
-    """List the descriptors of all compiled effects, in the order of their numbers."""
-    library, infos = load(), []
-    for i in range(library.ges_effect_count()):
-        info = CEffectInfo()
-        library.ges_effect(i, ct.byref(info))
-        infos.append(info)
-    return infos
+def effect_descriptors() -> list[dict[str, Any]]:
+    """List the descriptors of all compiled effects, in the order of their numbers.
+
+    Returns
+    -------
+    Fields by name, as ``sim_c/effects/descriptor.h`` has them; lists are tuples.
+    """
+    return json.loads(
+        load().ges_describe_effects(),
+        object_hook=lambda given: {
+            key: tuple(value) if isinstance(value, list) else value for key, value in given.items()
+        },
+    )
 
 
 def group_table() -> list[tuple[str, ...]]:

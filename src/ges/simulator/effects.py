@@ -9,9 +9,10 @@ from __future__ import annotations
 import dataclasses
 import fnmatch
 import functools
+import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,23 +24,6 @@ from ges.simulator.terrain import Terrain
 
 if TYPE_CHECKING:
     import pandas as pd
-
-KINDS = ("wrench", "actuator", "sensor", "wind", "parameter")
-INVARIANTS = {"mirror": 1, "dissipates": 2, "no_work": 4, "fades": 8, "free_air": 16}
-ROLES = {1: "amplitude", 2: "shape", 3: "switch"}
-TRIMS = {0: "", 1: "thrust", 2: "rotor", 3: "lever", 4: "yaw"}
-TIMINGS = {0: "", 1: "delay", 2: "lag"}
-ABOUT = {1: "physics", 2: "parameter", 3: "sensor"}
-FEEDBACK = {1: "none", 2: "dynamic", 3: "thrust_gain", 4: "rotor", 5: "load", 6: "height"}
-HINTS = {
-    "own_lever": 1,
-    "lever_of_carrier": 2,
-    "clips": 4,
-    "unlike_form_error": 8,
-    "random": 16,
-    "reads_voltage": 32,
-    "many": 64,
-}
 
 MOST_LANES = 8
 """Sets of effects or flights that the widest processors take together."""
@@ -82,7 +66,7 @@ class Doubt:
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect, as ``ges_effect_parameter`` of ``sim_c/include/ges.h``.
+    """One parameter of an effect, as ``ges_effect_parameter`` of ``sim_c/effects/descriptor.h``.
 
     Attributes
     ----------
@@ -135,7 +119,7 @@ class Parameter:
 
 @dataclasses.dataclass(frozen=True)
 class SearchHints:
-    """Variants of an effect that a search tries, as ``ges_search`` of ``sim_c/include/ges.h``.
+    """Variants of an effect that a search tries, ``ges_search`` of ``sim_c/effects/descriptor.h``.
 
     Attributes
     ----------
@@ -160,7 +144,7 @@ class SearchHints:
 
 @dataclasses.dataclass(frozen=True)
 class Effect:
-    """Descriptor of one compiled effect, as ``ges_effect_info`` of ``sim_c/include/ges.h``.
+    """Descriptor of one compiled effect, as ``sim_c/effects/descriptor.h`` lays it out.
 
     Attributes
     ----------
@@ -169,14 +153,14 @@ class Effect:
     equation, reference : formula and its source.
     modifies : effect that this one modifies; None for an effect of its own.
     channels : channels in which it acts.
-    kind : one of :data:`KINDS`.
+    kind : ``wrench``, ``actuator``, ``sensor``, ``wind`` or ``parameter``.
     n_states : number of states that it adds to the vehicle's.
-    invariants : any of :data:`INVARIANTS`.
+    invariants : any of ``mirror``, ``dissipates``, ``no_work``, ``fades``, ``free_air``.
     parameters : all, in the library's order.
     about : what a finding is about: ``physics``, ``parameter`` or ``sensor``.
     feedback : how the controller's response shows in it: ``none``, ``dynamic``, ``thrust_gain``,
         ``rotor``, ``load`` or ``height``.
-    hints : any of :data:`HINTS`.
+    hints : any of ``GES_HINTS`` of the descriptor, as ``own_lever``.
     rarity : how often it is met, relative to other effects.
     needs : streams that must be recorded.
     through : prerequisite effects, of which one must be on for this one to act.
@@ -310,112 +294,48 @@ class Effect:
         return list(self.completed(given).values())
 
 
-def _text(value: bytes | None) -> str:
-    return value.decode() if value else ""
+def _require(given: Mapping[str, Any], fields: Sequence[str], of: str) -> None:
+    for field in fields:
+        if not given[field]:
+            raise GesError(
+                f"{of} declares no '{field}'; docs/adding-an-effect.md has what an effect says of"
+                " itself"
+            )
 
 
-def _words(value: bytes | None) -> tuple[str, ...]:
-    return tuple(_text(value).split())
-
-
-def _setting(s: _lib.CSetting) -> tuple[str, float] | None:
-    return (_text(s.name), s.value) if s.name else None
-
-
-def _doubt(d: _lib.CDoubt) -> Doubt | None:
-    if not d.shows_in:
-        return None
-    return Doubt(
-        _words(d.shows_in),
-        d.step,
-        d.sd,
-        d.flight_sd,
-        d.mean,
-        bool(d.per_arm),
-        bool(d.reciprocal),
-        TIMINGS[d.timing],
-        bool(d.with_voltage),
-        d.unlogged_voltage_sd,
-    )
-
-
-def _parameter(p: _lib.CEffectParameter) -> Parameter:
+def _parameter(given: dict[str, Any], effect: str) -> Parameter:
+    _require(given, ["role"], f"parameter {given['name']} of effect {effect}")
+    changed = {"default": given["value"], "doubt": given["doubt"] and Doubt(**given["doubt"])}
     # C leaves what a descriptor does not say at 0: then a fit has the parameter's own bounds
-    narrower = p.fit_low != 0.0 or p.fit_high != 0.0
-    return Parameter(
-        name=_text(p.name),
-        unit=_text(p.unit),
-        doc=_text(p.doc),
-        role=ROLES[p.role],
-        default=p.value,
-        neutral=p.neutral,
-        low=p.low,
-        high=p.high,
-        fit_low=p.fit_low if narrower else p.low,
-        fit_high=p.fit_high if narrower else p.high,
-        plausible=p.plausible,
-        usual=p.usual,
-        usual_sd=p.usual_sd,
-        usual_share=p.usual_share,
-        fitted=bool(p.fitted),
-        whole=bool(p.whole),
-        rotor=p.rotor,
-        trim=TRIMS[p.trim],
-        corrects=_words(p.corrects),
-        acts_above=_setting(p.acts_above),
-        reach=p.reach,
-        reach_over=_text(p.reach_over),
-        doubt=_doubt(p.doubt),
-    )
+    if given["fit_low"] == given["fit_high"] == 0.0:
+        changed |= {"fit_low": given["low"], "fit_high": given["high"]}
+    return Parameter(**{k: v for k, v in (given | changed).items() if k != "value"})
 
 
-def _search(s: _lib.CSearch, info: _lib.CEffectInfo) -> SearchHints:
-    names = [p.name.decode() for p in info.parameters[: info.n_parameters]]
-    return SearchHints(
-        tuple(n for word in _words(s.amplitudes) for n in fnmatch.filter(names, word)),
-        _text(s.rule),
-        dict(setting for f in s.fixed if (setting := _setting(f))),
-        _words(s.axis),
-        _text(s.across),
-        tuple(s.levels[: s.n_levels]),
-        bool(s.modified),
-    )
+def _search(given: dict[str, Any], parameters: Sequence[Parameter]) -> SearchHints:
+    names, words = [p.name for p in parameters], given["amplitudes"]
+    amplitudes = tuple(n for word in words for n in fnmatch.filter(names, word))
+    return SearchHints(**given | {"amplitudes": amplitudes, "fixed": dict(given["fixed"])})
 
 
-def _effect(number: int, info: _lib.CEffectInfo) -> Effect:
-    """Convert a descriptor; one without ``about`` or ``feedback`` is an error."""
-    name = _text(info.name)
-    if info.about not in ABOUT or info.feedback not in FEEDBACK:
-        raise GesError(
-            f"effect {name} declares no 'about' or no 'feedback'; sim_c/include/ges.h has what an"
-            " effect says of itself"
-        )
-    return Effect(
-        number=number,
-        name=name,
-        title=_text(info.title),
-        equation=_text(info.equation),
-        reference=_text(info.reference),
-        modifies=_text(info.modifies) or None,
-        channels=_words(info.channels),
-        kind=KINDS[info.kind],
-        n_states=info.n_states,
-        invariants=frozenset(name for name, bit in INVARIANTS.items() if info.invariants & bit),
-        parameters=tuple(map(_parameter, info.parameters[: info.n_parameters])),
-        about=ABOUT[info.about],
-        feedback=FEEDBACK[info.feedback],
-        hints=frozenset(hint for hint, bit in HINTS.items() if info.hints & bit),
+def _effect(number: int, given: dict[str, Any]) -> Effect:
+    """Convert a descriptor; one that leaves out what every effect has to say is an error."""
+    name = given["name"]
+    _require(given, ["kind", "about", "feedback"], f"effect {name}")
+    parameters = tuple(_parameter(p, name) for p in given["parameters"])
+    changed = {
+        "number": number,
+        "modifies": given["modifies"] or None,
+        "invariants": frozenset(given["invariants"]),
+        "parameters": parameters,
+        "hints": frozenset(given["hints"]),
         # not said in C is 0, and an effect is then as rare as any
-        rarity=info.rarity or 1.0,
-        needs=_words(info.needs),
-        through=_words(info.through),
-        family=_text(info.family) or name,
-        usual_beside=_text(info.usual_beside),
-        error_of=_text(info.error_of),
-        settled=_text(info.settled),
-        carried=tuple(info.carried[: info.n_carried]),
-        searches=tuple(_search(s, info) for s in info.searches[: info.n_searches]),
-    )
+        "rarity": given["rarity"] or 1.0,
+        "family": given["family"] or name,
+        "searches": tuple(_search(s, parameters) for s in given["search"]),
+    }
+    fields = given | changed
+    return Effect(**{f.name: fields[f.name] for f in dataclasses.fields(Effect)})
 
 
 @functools.lru_cache(maxsize=1)
@@ -432,8 +352,7 @@ def table() -> dict[str, Effect]:
     'kg'
     """
     return {
-        effect.name: effect
-        for effect in map(_effect, *zip(*enumerate(_lib.effect_infos()), strict=True))
+        effect.name: effect for effect in map(_effect, itertools.count(), _lib.effect_descriptors())
     }
 
 

@@ -420,4 +420,4 @@ RULES: Mapping[str, Rule] = {
     "lying": _lying,
     "drawn": _drawn,
 }
-"""Layouts that a descriptor can ask for (``ges_search.rule``)."""
+"""Layouts that a descriptor can ask for (``rule`` of a search)."""
