@@ -120,7 +120,7 @@ def test_diagnoses_in_two_threads_each_have_their_own_numbers():
 
     with ThreadPoolExecutor(2) as pool:
         assert list(pool.map(tempering, [0.5, 0.25])) == [[0.5] * 4, [0.25] * 4]
-    assert changed() == {}
+    assert changed_settings() == {}
 
 
 @pytest.mark.slow
