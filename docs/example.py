@@ -27,7 +27,6 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import ges
-from ges.diagnose.report.output import traces_of
 from ges.recordings.published import fetch
 from ges.recordings.recording import load_set
 
@@ -81,16 +80,10 @@ pd.DataFrame(content["fit"]["channels"]).T[["before", "recalibrated", "after"]]
 # Recorded and simulated, on that flight:
 
 # %%
-trace = next(t for t in traces_of(found) if t.held_out)
-channel = next(i for i, name in enumerate(trace.channels) if name.startswith("force_y"))
 figure, axes = plt.subplots(figsize=(9, 3))
-axes.plot(trace.t_s, trace.recorded[:, channel], "k", lw=1, label="recorded")
-for stage, words in (("recalibrated", "recalibrated"), ("after", "with the findings")):
-    axes.plot(trace.t_s, trace.simulated[stage][:, channel], lw=1, label=words)
-axes.set(xlabel="time, s", ylabel="sideways force, N", title=trace.flight)
-axes.legend(ncols=3, frameon=False)
+found.plot.over_time("force_y_N", ax=axes)
 
 # %% [markdown]
-# `ges.diagnose.report.output.write_diagnosis(found, folder)` writes the page and every file of
-# `ges diagnose`. How far to trust it: [results](../results/). What each block of the page means:
-# [reading the page](../reading-the-page/).
+# `found.plot` has every picture of the page, and `found.save(folder)` writes the page and all files
+# of `ges diagnose`. How far to trust it: [results](../results/). What each block of the page
+# means: [reading the page](../reading-the-page/).

@@ -13,7 +13,7 @@ import pytest
 import ges
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.detectors.balance import Cause, causes_of
-from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.report.diagnosis import Diagnosis
 from ges.recordings.readers import open_log
 from ges.recordings.recording import make_set
 from ges.vehicle.load import load_vehicle

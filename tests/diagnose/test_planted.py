@@ -18,7 +18,7 @@ from ges.diagnose.design.weak import make_windows
 from ges.diagnose.detectors.gusts import load_may_push
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.prepare.gate import prepare
-from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
 from ges.vehicle.file import Estimate, GroundFile

@@ -14,7 +14,8 @@ import ges
 from ges.diagnose.report import page as report
 from ges.diagnose.report import pictures
 from ges.diagnose.report.drawing import Drawing
-from ges.diagnose.report.output import map_figure, traces_of, write_diagnosis
+from ges.diagnose.report.figures import map_figure, traces_of
+from ges.diagnose.report.output import write_diagnosis
 from ges.diagnose.report.saved import load_diagnosis
 from ges.diagnose.types import words
 from ges.simulator import manoeuvres

@@ -71,17 +71,27 @@ def test_blocks_come_in_their_order(content, traces):
         "What these flights cannot tell",
         "Details",
         "What next",
+        "What it was made from",
     ]
-    order = ["one <b>", "GES 0.1.0", "ges diagnose flights --out report", content["sentence"]]
-    places = [parsed.text.index(part) for part in (*order, "finding size in these flights")]
+    order = ("missing physics", content["sentence"], "finding size in these flights", "GES 0.1.0")
+    places = [parsed.text.index(part) for part in order]
     assert places == sorted(places)
 
 
-def test_the_first_block_says_what_it_was_made_from(content):
-    text = text_of(content)
+def test_verdict_and_sentence_are_followed_by_the_picture_of_the_largest_residual(content):
+    text = page.render(content, {"located": b"the picture", "where": b"the map"})
+    first, second = re.findall("<img|<table|<section", text)[:2]
+    assert text.index("<img") > text.index(content["sentence"])
+    assert (first, second) == ("<img", "<table"), "it comes before the table of findings"
+    assert text.count("<img") == 2
+
+
+def test_the_last_block_says_what_it_was_made_from(content):
+    text = text_of(content).split("What it was made from")[1]
     assert "two 20.0 s 15.5 s took no part" in text and "9.5 s on ground" in text
+    assert "ges diagnose flights --out report" in text
     for digest in ("a" * 64, "b" * 64, "c" * 64):
-        assert digest in text, "in full among the details"
+        assert digest in text, "in full"
 
 
 def test_names_of_flights_are_text_not_markup(content, traces):
@@ -112,7 +122,7 @@ def test_smaller_entries_are_counted_and_left_out(content):
 
 def test_a_map_is_drawn_only_where_it_has_news(content):
     from ges.diagnose.locate.regimes import Cell
-    from ges.diagnose.report.output import map_figure
+    from ges.diagnose.report.figures import map_figure
 
     cells = [
         Cell("force_z", "height_over_radius", 0.0, 1.0, 0.3, 0.1, 1.0, q, 9) for q in (1.0, 0.5)
@@ -214,7 +224,7 @@ def test_where_no_flight_would_help_it_says_what_to_do_instead(content):
     assert "Instead change one thing on the vehicle" in step
 
 
-def test_what_next_ends_the_page_with_commands(content):
+def test_what_next_has_commands(content):
     text = text_of(content).split("What next")[1]
     for command in (
         "ges simulate vehicle.fitted.yaml",

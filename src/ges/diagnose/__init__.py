@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ges.diagnose.prepare.problem import Recordings
-    from ges.diagnose.types.diagnosis import Diagnosis
+    from ges.diagnose.report.diagnosis import Diagnosis
     from ges.vehicle.file import Vehicle
 
 

@@ -23,8 +23,8 @@ from ges.diagnose.prepare.problem import Recordings, pose_problem
 from ges.diagnose.prove.proof import prove
 from ges.diagnose.report.compose import compose_diagnosis
 from ges.diagnose.report.content import located_entries
+from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.types.decision import Record
-from ges.diagnose.types.diagnosis import Diagnosis
 from ges.simulator import effects as effect_table
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle

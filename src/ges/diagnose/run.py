@@ -8,10 +8,11 @@ from pathlib import Path
 
 from ges.diagnose.pipeline import diagnose
 from ges.diagnose.prepare.cut import cut
+from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.report.drawing import Drawing
+from ges.diagnose.report.figures import map_figure
 from ges.diagnose.report.origin import with_files
-from ges.diagnose.report.output import map_figure, write_diagnosis
-from ges.diagnose.types.diagnosis import Diagnosis
+from ges.diagnose.report.output import write_diagnosis
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError, UsageError
 from ges.files import sha256, tree_hash, write_text

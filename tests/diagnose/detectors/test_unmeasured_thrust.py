@@ -14,7 +14,7 @@ from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import Estimate
+from ges.diagnose.types.finding import Estimate
 from ges.diagnose.types.model import SPEED
 
 from ..synthetic import MODEL, hovering, nuisance, rows_of, system_of

@@ -52,7 +52,7 @@ from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
 from ges.diagnose.select.evidence import Gram, marginalise_deviations
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.finding import interval95
 from ges.diagnose.types.model import SPEED, Model, from_vehicle
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet, require_drive

@@ -21,7 +21,7 @@ from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Estimate, Finding, interval95
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 

@@ -10,7 +10,7 @@ import numpy as np
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Estimate, Finding, interval95
 from ges.simulator import effects as effect_table
 
 

@@ -27,7 +27,7 @@ from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequis
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import Estimate, Finding
+from ges.diagnose.types.finding import Estimate, Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 

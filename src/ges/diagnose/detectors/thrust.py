@@ -20,7 +20,7 @@ from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Estimate, Finding, interval95
 from ges.diagnose.types.model import SPEED
 from ges.diagnose.types.words import number_words
 from ges.simulator import effects as effect_table

@@ -24,6 +24,7 @@ from ges.diagnose.report.content import (
     not_tested,
     unexplained_entries,
 )
+from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.report.findings import all_findings, detected_effects
 from ges.diagnose.report.laws import laws_content
 from ges.diagnose.report.origin import origin_of
@@ -33,7 +34,6 @@ from ges.diagnose.report.vehicle import fitted_vehicle
 from ges.diagnose.report.verdict import remark_of, verdict_of
 from ges.diagnose.report.workings import Workings
 from ges.diagnose.types.decision import Record
-from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import Model
 
 

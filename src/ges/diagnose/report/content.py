@@ -25,7 +25,7 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import changed_settings
 from ges.diagnose.types.decision import Considered, Decision, Record
-from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.finding import interval95
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 

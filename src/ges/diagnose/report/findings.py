@@ -27,7 +27,7 @@ from ges.diagnose.report.content import places_of
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
-from ges.diagnose.types.diagnosis import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Estimate, Finding, interval95
 from ges.simulator import effects as effect_table
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ges.diagnose.decide.laws import FittedLaw
-from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.finding import interval95
 from ges.diagnose.types.words import channel_words
 from ges.simulator.laws import Term, groups, written
 from ges.vehicle.file import Law

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.conventions import FAR_FROM_GROUND_M, VELOCITY, rotor_speed
-from ges.diagnose.types.diagnosis import Finding
+from ges.diagnose.types.finding import Finding
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 

@@ -36,7 +36,7 @@ COLOURS = {
 # grey, hatched and full, dotted, dashed and solid: stages differ in black and white, too
 HATCHES = {"before": "", "recalibrated": "///", "names_only": "...", "after": ""}
 LINES = {"before": ":", "recalibrated": "--", "names_only": "-.", "after": "-"}
-_STYLE = {
+STYLE = {
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -51,6 +51,7 @@ BINS = 12
 # beyond, a score is as dark as the map gets: one outlier would bleach all other cells
 LARGEST_Z = 6.0
 MAP_COLUMNS = 3
+MAP_LABEL = "mean residual over its standard error (dot: significant)"
 MOST_DECIMALS = 4
 MOST_PARAMETERS = 10
 SIGNIFICANT = 0.05
@@ -74,7 +75,7 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
     dpi : resolution.
     """
     out = io.BytesIO()
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure.savefig(out, format="png", dpi=dpi, metadata={"Software": None})
     return out.getvalue()
 
@@ -85,7 +86,7 @@ def pdf(figure: Figure) -> bytes:
     figure.set_layout_engine("none")
     out = io.BytesIO()
     # no date and no program's name: the same figure is the same bytes
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         FigureCanvasPdf(figure).print_pdf(
             out, metadata={"CreationDate": None, "Producer": None, "Creator": None}
         )
@@ -102,36 +103,56 @@ def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> 
         enough data stay white.
     most_channels : the channels with the clearest cells are drawn.
     """
+    channels = clearest_channels(cells, most_channels)
+    regimes = list(dict.fromkeys(k["regime"] for k in cells))
+    rows = -(-len(regimes) // MAP_COLUMNS)
+    with mpl.rc_context(STYLE):
+        figure = _figure(0.7 + rows * (0.6 + 0.22 * len(channels)))
+        axes = figure.subplots(rows, min(MAP_COLUMNS, len(regimes)), squeeze=False)
+        for axis, regime in zip(axes.flat, regimes, strict=False):
+            drawn = draw_map(axis, [k for k in cells if k["regime"] == regime], channels)
+            axis.tick_params(labelleft=axis in axes[:, 0])
+        for axis in list(axes.flat)[len(regimes) :]:
+            axis.set_axis_off()
+        bar = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.6, aspect=40)
+        bar.set_label(MAP_LABEL)
+    return figure
+
+
+def clearest_channels(cells: Sequence[Mapping[str, Any]], most: int = 8) -> list[str]:
+    """Return the channels with the clearest cells, in their own order.
+
+    Parameters
+    ----------
+    cells : as for :func:`location_map`.
+    most : number of channels.
+    """
     z = {
         c: max(abs(_score(k)) for k in cells if k["channel"] == c)
         for c in dict.fromkeys(k["channel"] for k in cells)
     }
     # the clearest are chosen, but drawn in their own order, so that axes stay together
-    kept = sorted(z, key=lambda c: -z[c])[:most_channels]
-    channels = [c for c in z if c in kept]
-    regimes = list(dict.fromkeys(k["regime"] for k in cells))
-    rows = -(-len(regimes) // MAP_COLUMNS)
-    with mpl.rc_context(_STYLE):
-        figure = _figure(0.7 + rows * (0.6 + 0.22 * len(channels)))
-        axes = figure.subplots(rows, min(MAP_COLUMNS, len(regimes)), squeeze=False)
-        for axis, regime in zip(axes.flat, regimes, strict=False):
-            drawn = _strip(axis, [k for k in cells if k["regime"] == regime], channels, regime)
-            axis.tick_params(labelleft=axis in axes[:, 0])
-        for axis in list(axes.flat)[len(regimes) :]:
-            axis.set_axis_off()
-        bar = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.6, aspect=40)
-        bar.set_label("mean residual over its standard error (dot: significant)")
-    return figure
+    kept = sorted(z, key=lambda c: -z[c])[:most]
+    return [c for c in z if c in kept]
 
 
 def _score(cell: Mapping[str, Any]) -> float:
     return cell["mean"] / cell["sd"] if np.isfinite(cell["sd"]) and cell["sd"] > 0 else 0.0
 
 
-def _strip(
-    axis: Axes, cells: Sequence[Mapping[str, Any]], channels: Sequence[str], regime: str
-) -> AxesImage:
-    """Return one regime: bins of equal width on the page, their bounds below."""
+def draw_map(axis: Axes, cells: Sequence[Mapping[str, Any]], channels: Sequence[str]) -> AxesImage:
+    """Draw the map of one regime: bins of equal width on the page, their bounds below.
+
+    Parameters
+    ----------
+    axis : to draw on.
+    cells : of this regime, as for :func:`location_map`.
+    channels : rows, from the top.
+
+    Returns
+    -------
+    The image, for a colour bar.
+    """
     bounds = sorted({k["low"] for k in cells} | {k["high"] for k in cells})
     score = np.full((len(channels), max(len(bounds) - 1, 1)), np.nan)
     for cell in cells:
@@ -154,7 +175,7 @@ def _strip(
     shown = sorted({0, len(bounds) // 2, len(bounds) - 1})
     axis.set_xticks([i - 0.5 for i in shown], _ticks(bounds, shown))
     axis.set_yticks(range(len(channels)), [channel_words(c) for c in channels])
-    axis.set_xlabel(quantity_words(regime))
+    axis.set_xlabel(quantity_words(cells[0]["regime"]))
     axis.spines[["top", "right"]].set_visible(True)
     return drawn
 
@@ -178,44 +199,52 @@ def held_out_bars(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
         ``names_only``, ``after`` and ``reduction_ci95``. The latter is the 95 % interval of 1 -
         after / recalibrated, drawn on ``after``.
     """
-    names = [n for n in channels if channels[n]["before"] > 0]
-    with mpl.rc_context(_STYLE):
-        figure = _figure(0.9 + 0.5 * len(names))
+    with mpl.rc_context(STYLE):
+        figure = _figure(0.9 + 0.5 * sum(c["before"] > 0 for c in channels.values()))
         axis = figure.subplots()
-        stages = [s for s in STAGES if all(s in channels[n] for n in names)]
-        # a bar and a gap for every stage, centred on the channel's tick
-        step = 0.78 / len(stages)
-        for k, stage in enumerate(stages):
-            values = np.array([channels[n][stage] / channels[n]["before"] for n in names])
-            at = np.arange(len(names)) + step * (k - 0.5 * (len(stages) - 1))
-            axis.barh(
-                at,
-                values,
-                0.92 * step,
-                color=COLOURS[stage],
-                hatch=HATCHES[stage],
-                edgecolor="white",
-                label=stage_words(stage),
-            )
-            if stage == "after":
-                axis.errorbar(
-                    values,
-                    at,
-                    xerr=_after_error(channels, names, values),
-                    fmt="none",
-                    ecolor="black",
-                    capsize=2.5,
-                )
-        axis.axvline(1.0, color="black", linewidth=0.6)
-        axis.set_yticks(range(len(names)), [_before_words(n, channels[n]["before"]) for n in names])
-        axis.invert_yaxis()
-        axis.set_xlabel(
-            "error on held-out flights (1: that of the vehicle file, written at the left)"
-        )
-        figure.legend(
-            *axis.get_legend_handles_labels(), loc="outside upper center", ncols=len(stages)
-        )
+        draw_held_out(axis, channels)
+        handles, labels = axis.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure
+
+
+def draw_held_out(axis: Axes, channels: Mapping[str, Mapping[str, Any]]) -> None:
+    """Draw the bars of :func:`held_out_bars`.
+
+    Parameters
+    ----------
+    axis : to draw on.
+    channels : as for :func:`held_out_bars`.
+    """
+    names = [n for n in channels if channels[n]["before"] > 0]
+    stages = [s for s in STAGES if all(s in channels[n] for n in names)]
+    # a bar and a gap for every stage, centred on the channel's tick
+    step = 0.78 / len(stages)
+    for k, stage in enumerate(stages):
+        values = np.array([channels[n][stage] / channels[n]["before"] for n in names])
+        at = np.arange(len(names)) + step * (k - 0.5 * (len(stages) - 1))
+        axis.barh(
+            at,
+            values,
+            0.92 * step,
+            color=COLOURS[stage],
+            hatch=HATCHES[stage],
+            edgecolor="white",
+            label=stage_words(stage),
+        )
+        if stage == "after":
+            axis.errorbar(
+                values,
+                at,
+                xerr=_after_error(channels, names, values),
+                fmt="none",
+                ecolor="black",
+                capsize=2.5,
+            )
+    axis.axvline(1.0, color="black", linewidth=0.6)
+    axis.set_yticks(range(len(names)), [_before_words(n, channels[n]["before"]) for n in names])
+    axis.invert_yaxis()
+    axis.set_xlabel("error on held-out flights (1: that of the vehicle file, written at the left)")
 
 
 def _after_error(
@@ -235,7 +264,21 @@ def _before_words(channel: str, before: float) -> str:
     return f"{channel_words(channel)}\n{number_words(before)} {unit_words(channel)}"
 
 
-def residual_against(
+def residual_against(*drawn: Any) -> Figure:
+    """Draw the residual of the recalibrated model against a regime variable.
+
+    Parameters
+    ----------
+    *drawn : what :func:`draw_residual` draws on axes.
+    """
+    with mpl.rc_context(STYLE):
+        figure = _figure(3.4)
+        draw_residual(figure.subplots(), *drawn)
+    return figure
+
+
+def draw_residual(
+    axis: Axes,
     x: np.ndarray,
     y: np.ndarray,
     curves: Mapping[str, np.ndarray],
@@ -243,11 +286,12 @@ def residual_against(
     xlabel: str,
     ylabel: str,
     bins: int = BINS,
-) -> Figure:
-    """Draw the residual of the recalibrated model against a regime variable.
+) -> None:
+    """Draw the residual of the recalibrated model against a regime variable on axes.
 
     Parameters
     ----------
+    axis : to draw on.
     x, y : (n,) variable and residual of every window (held-out flights).
     curves : by stage (``recalibrated``, ``after``), (n,) what that model adds in the same windows.
     blocks : (n,) number of the block of time; the 95 % bands come from the spread of the blocks'
@@ -257,42 +301,36 @@ def residual_against(
     """
     # quantiles: every bin has as many windows, and so a mean that is known as well
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
-    with mpl.rc_context(_STYLE):
-        figure = _figure(3.4)
-        axis = figure.subplots()
-        # thousands of points are pixels in the PDF, not as many vector marks
-        axis.plot(x, y, ".", color="#BBBBBB", markersize=2.0, rasterized=True, zorder=1)
-        center, mean, half = bin_means(x, y, blocks, edges)
-        axis.errorbar(
+    # thousands of points are pixels in the PDF, not as many vector marks
+    axis.plot(x, y, ".", color="#BBBBBB", markersize=2.0, rasterized=True, zorder=1)
+    center, mean, half = bin_means(x, y, blocks, edges)
+    axis.errorbar(
+        center,
+        mean,
+        yerr=half,
+        fmt="o",
+        color="black",
+        markersize=4.0,
+        capsize=2.5,
+        zorder=3,
+        label="recorded, mean of the bin with 95 % interval",
+    )
+    for stage, contribution in curves.items():
+        _, line, _ = bin_means(x, contribution, blocks, edges)
+        axis.plot(
             center,
-            mean,
-            yerr=half,
-            fmt="o",
-            color="black",
-            markersize=4.0,
-            capsize=2.5,
-            zorder=3,
-            label="recorded, mean of the bin with 95 % interval",
+            line,
+            LINES[stage],
+            color=COLOURS[stage],
+            linewidth=2.0,
+            zorder=2,
+            label=stage_words(stage),
         )
-        for stage, contribution in curves.items():
-            _, line, _ = bin_means(x, contribution, blocks, edges)
-            axis.plot(
-                center,
-                line,
-                LINES[stage],
-                color=COLOURS[stage],
-                linewidth=2.0,
-                zorder=2,
-                label=stage_words(stage),
-            )
-        # a few outliers may leave the picture, means and their intervals may not
-        spread = np.quantile(y, [0.005, 0.995])
-        axis.set_ylim(
-            min(spread[0], np.nanmin(mean - half)), max(spread[1], np.nanmax(mean + half))
-        )
-        axis.set(xlabel=xlabel, ylabel=ylabel)
-        axis.legend()
-    return figure
+    # a few outliers may leave the picture, means and their intervals may not
+    spread = np.quantile(y, [0.005, 0.995])
+    axis.set_ylim(min(spread[0], np.nanmin(mean - half)), max(spread[1], np.nanmax(mean + half)))
+    axis.set(xlabel=xlabel, ylabel=ylabel)
+    axis.legend()
 
 
 def over_time(t: Trace) -> Figure:
@@ -305,26 +343,17 @@ def over_time(t: Trace) -> Figure:
     drawn = [(c, name) for c, name in enumerate(t.channels) if name not in t.ahead]
     rows = len(drawn)
     height_in = min(0.75 + 0.95 * rows, TALLEST_IN)
-    with mpl.rc_context({**_STYLE, "font.size": 7.5, "axes.titlesize": 7.5}):
+    with mpl.rc_context({**STYLE, "font.size": 7.5, "axes.titlesize": 7.5}):
         figure = Figure(figsize=(WIDTH_IN, height_in))
         FigureCanvasAgg(figure)
         axes = figure.subplots(rows, 2, squeeze=False, sharex=True)
         for (left, right), (c, name) in zip(axes, drawn, strict=True):
-            left.plot(
-                t.t_s, t.recorded[:, c], color="black", linewidth=0.9, label="recorded", zorder=3
-            )
-            for stage, values in t.simulated.items():
-                style = {"color": COLOURS[stage], "linewidth": 0.9, "label": stage_words(stage)}
-                left.plot(t.t_s, values[:, c], LINES[stage], **style)
-                right.plot(t.t_s, t.recorded[:, c] - values[:, c], LINES[stage], **style)
-            _limit(left, t.used, t.recorded[:, c], *(v[:, c] for v in t.simulated.values()))
+            draw_signal(left, t, name)
             # a misfit that is small beside the signal shows at the right, on a scale of its own
+            for stage, values in t.simulated.items():
+                _line(right, stage, t.t_s, t.recorded[:, c] - values[:, c])
             right.axhline(0.0, color="black", linewidth=0.5)
-            left.set_title(f"{channel_words(name)}, {unit_words(name)}", loc="left", pad=2)
-            for axis in (left, right):
-                for span in t.left_out:
-                    axis.axvspan(span.start_s, span.end_s, color="#E4E4E4", linewidth=0, zorder=0)
-                axis.margins(x=0.0)
+            _shade(right, t)
         axes[0, 1].set_title("recorded less simulated", loc="left", pad=2)
         for axis in axes[-1]:
             axis.set_xlabel(f"time, s ({t.flight})")
@@ -339,6 +368,37 @@ def over_time(t: Trace) -> Figure:
             wspace=0.17,
         )
     return figure
+
+
+def draw_signal(axis: Axes, t: Trace, channel: str) -> None:
+    """Draw one signal of a flight, recorded and by stage.
+
+    Parameters
+    ----------
+    axis : to draw on.
+    t : the flight.
+    channel : one of its channels.
+    """
+    c = t.channels.index(channel)
+    axis.plot(t.t_s, t.recorded[:, c], color="black", linewidth=0.9, label="recorded", zorder=3)
+    for stage, values in t.simulated.items():
+        _line(axis, stage, t.t_s, values[:, c])
+    _limit(axis, t.used, t.recorded[:, c], *(v[:, c] for v in t.simulated.values()))
+    axis.set_title(f"{channel_words(channel)}, {unit_words(channel)}", loc="left", pad=2)
+    _shade(axis, t)
+
+
+def _line(axis: Axes, stage: str, t_s: np.ndarray, values: np.ndarray) -> None:
+    axis.plot(
+        t_s, values, LINES[stage], color=COLOURS[stage], linewidth=0.9, label=stage_words(stage)
+    )
+
+
+def _shade(axis: Axes, t: Trace) -> None:
+    """Grey spans that are left out."""
+    for span in t.left_out:
+        axis.axvspan(span.start_s, span.end_s, color="#E4E4E4", linewidth=0, zorder=0)
+    axis.margins(x=0.0)
 
 
 def _limit(axis: Axes, used: np.ndarray, *signals: np.ndarray) -> None:
@@ -394,31 +454,42 @@ def rollout_growth(
     seed : of the bootstrap.
     """
     names = list(errors)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = _figure(2.3 * -(-len(names) // 3) + 0.3)
         axes = figure.subplots(-(-len(names) // 3), min(3, len(names)), squeeze=False)
         for axis, name in zip(axes.flat, names, strict=False):
-            for stage, e in errors[name].items():
-                rms, band = _rms_band(np.asarray(e, dtype=float), np.random.default_rng(seed))
-                axis.fill_between(t_s, *band, color=COLOURS[stage], alpha=0.2, linewidth=0)
-                axis.plot(
-                    t_s,
-                    rms,
-                    LINES[stage],
-                    color=COLOURS[stage],
-                    linewidth=1.8,
-                    label=stage_words(stage),
-                )
-            axis.set(
-                title=channel_words(name),
-                xlabel="time since start, s",
-                ylabel=f"rms error, {unit_words(name)}",
-            )
-            axis.set_ylim(bottom=0.0)
+            draw_rollout(axis, t_s, errors[name], name, seed)
         for axis in list(axes.flat)[len(names) :]:
             axis.set_axis_off()
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
+
+
+def draw_rollout(
+    axis: Axes, t_s: np.ndarray, errors: Mapping[str, np.ndarray], channel: str, seed: int = 0
+) -> None:
+    """Draw the open-loop error of one channel against time since the start.
+
+    Parameters
+    ----------
+    axis : to draw on.
+    t_s : (k,) time since the start of a rollout.
+    errors : by stage, (starts, k) simulated less recorded.
+    channel : contract column, as ``p_z_m``.
+    seed : of the bootstrap.
+    """
+    for stage, e in errors.items():
+        rms, band = _rms_band(np.asarray(e, dtype=float), np.random.default_rng(seed))
+        axis.fill_between(t_s, *band, color=COLOURS[stage], alpha=0.2, linewidth=0)
+        axis.plot(
+            t_s, rms, LINES[stage], color=COLOURS[stage], linewidth=1.8, label=stage_words(stage)
+        )
+    axis.set(
+        title=channel_words(channel),
+        xlabel="time since start, s",
+        ylabel=f"rms error, {unit_words(channel)}",
+    )
+    axis.set_ylim(bottom=0.0)
 
 
 def _rms_band(e: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -436,18 +507,31 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file has one,
         ``declared`` and ``declared_sd``. The first ten are drawn, which a printed page holds.
     """
-    parameters = parameters[:MOST_PARAMETERS]
-    with mpl.rc_context(_STYLE):
-        figure = _figure(0.4 + 0.55 * len(parameters))
-        axis = figure.subplots()
-        for row, p in enumerate(parameters):
-            _interval(axis, row, p)
-        axis.set(xlim=(-0.02, 1.02), ylim=(len(parameters) - 0.5, -0.5))
-        axis.set_axis_off()
-        # one entry a label, however many rows drew it
-        labels = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+    with mpl.rc_context(STYLE):
+        figure = _figure(0.4 + 0.55 * len(parameters[:MOST_PARAMETERS]))
+        labels = draw_parameters(figure.subplots(), parameters)
         figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=len(labels))
     return figure
+
+
+def draw_parameters(axis: Axes, parameters: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Draw the intervals of :func:`parameter_intervals`.
+
+    Parameters
+    ----------
+    axis : to draw on.
+    parameters : as for :func:`parameter_intervals`.
+
+    Returns
+    -------
+    What a legend needs: one handle for each label, however many rows drew it.
+    """
+    parameters = parameters[:MOST_PARAMETERS]
+    for row, p in enumerate(parameters):
+        _interval(axis, row, p)
+    axis.set(xlim=(-0.02, 1.02), ylim=(len(parameters) - 0.5, -0.5))
+    axis.set_axis_off()
+    return dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
 
 
 def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:

@@ -122,7 +122,7 @@ def load_diagnosis(folder: str | Path) -> dict[str, Any]:
 
     Returns
     -------
-    The content of diagnosis.json, see :meth:`ges.diagnose.types.diagnosis.Diagnosis.content`.
+    The content of diagnosis.json, see :meth:`ges.diagnose.report.diagnosis.Diagnosis.content`.
 
     Raises
     ------

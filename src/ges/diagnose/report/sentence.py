@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ges.diagnose.report.blocks import error_rows, least_relevant_error
+from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.settings import settings
-from ges.diagnose.types.diagnosis import Diagnosis
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
     channel_words,

@@ -11,7 +11,7 @@ from ges.diagnose.detectors.gusts import GUSTS, Gusts
 from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.prepare.gate import with_stated_voltage
 from ges.diagnose.report.laws import vehicle_laws
-from ges.diagnose.types.diagnosis import interval95
+from ges.diagnose.types.finding import interval95
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import Estimate, Quantity, Vehicle

@@ -9,7 +9,7 @@ from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels_words
-from ges.diagnose.types.diagnosis import Finding
+from ges.diagnose.types.finding import Finding
 
 
 def verdict_of(
