@@ -19,6 +19,7 @@ from strategies import NUMBERS, examples
 from ges.conventions import MAX_ROTORS
 from ges.errors import GesError
 from ges.simulator import _lib, effects, flight, laws
+from ges.simulator.parameters import parameter_vector, parameters
 from ges.simulator.terrain import Terrain
 
 LAST = Path(sys.argv[1])
@@ -29,7 +30,7 @@ LONGEST = {"duration_s": 0.05, "record_every": 1e6, "terrain_length_m": 2500.0}
 @st.composite
 def numbers(draw: st.DrawFn) -> dict[str, float]:
     """Some parameters at and beyond their bounds, or of no size at all."""
-    known = flight.parameters()
+    known = parameters()
     given: dict[str, float] = {"duration_s": draw(st.sampled_from([1e-6, 0.003, 0.05]))}
     for name in draw(st.lists(st.sampled_from(sorted(known)), max_size=8)):
         p = known[name]
@@ -110,7 +111,7 @@ def replay(asked, sets, data) -> None:
     packed.n_terms = data.draw(st.sampled_from([0, 1, -1, 25]))
     lanes = data.draw(st.sampled_from([0, 1, 2, 3, 4, 8, -1, 1000]))
     try:
-        vector = flight.parameter_vector(asked)
+        vector = parameter_vector(asked)
         _lib.replay(vector, [packed] * len(sets), None, samples, outputs, lanes)
     except (GesError, MemoryError):
         pass
@@ -123,7 +124,7 @@ def ground(asked, places, heights) -> None:
     x = np.array(places, dtype=float)
     grid = _lib.pack_grid(np.arange(3.0), np.arange(3.0), np.reshape(heights[:9], (3, 3)))
     with contextlib.suppress(GesError, MemoryError):
-        _lib.terrain(flight.parameter_vector(asked), grid, x, x[::-1].copy())
+        _lib.terrain(parameter_vector(asked), grid, x, x[::-1].copy())
 
 
 if __name__ == "__main__":

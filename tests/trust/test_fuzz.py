@@ -49,7 +49,8 @@ from ges.recordings.readers.ros import TopicMap
 from ges.recordings.recording import load_set, unit_of
 from ges.simulator.terrain import Terrain
 from ges.study import config
-from ges.vehicle.file import load_vehicle, vehicle_content
+from ges.vehicle.file import vehicle_content
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -23,7 +23,7 @@ from ges.files import write_json
 from ges.plain_yaml import LARGEST_BYTES, read_yaml
 from ges.recordings.readers.maps import load_map
 from ges.recordings.readers.ros import TopicMap
-from ges.vehicle.file import load_vehicle
+from ges.vehicle.load import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 HOSTILE = "\"'></script><script>alert(1)</script><img src=x onerror=alert(2)>&lt;{{7*7}}"

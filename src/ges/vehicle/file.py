@@ -21,6 +21,7 @@ from ges.errors import UsageError, unknown_name
 from ges.files import write_text
 from ges.simulator import effects as effect_table
 from ges.simulator import laws
+from ges.simulator.parameters import parameters
 from ges.simulator.terrain import Terrain
 from ges.vehicle.layouts import Spin
 
@@ -454,8 +455,6 @@ def _check_effects(vehicle: Vehicle, path: str) -> None:
 
 
 def _check_numbers(vehicle: Vehicle, path: str) -> None:
-    from ges.simulator.flight import parameters
-
     known = parameters()
     for name, value in {**vehicle.parameters(), "terrain_z_m": vehicle.terrain.z_m}.items():
         p = known[name]
