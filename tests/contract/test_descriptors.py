@@ -1,14 +1,18 @@
 """Descriptors name only what there is, and say of every parameter what a search must know."""
 
 import math
+from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from ges.commands.effects import command as effects_command
 from ges.diagnose.library.grids import RULES
 from ges.diagnose.library.requirements import REQUIREMENTS
 from ges.simulator import effects
 from ges.vehicle.file import Vehicle
 
+PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
 EFFECTS = list(effects.table().values())
 each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 
@@ -54,3 +58,9 @@ def test_what_carries_an_effect_has_a_usual_size(effect):
     if effect.through:
         carrier = effects.get(effect.through[0])
         assert sum(p.usual_share > 0.0 for p in carrier.parameters) == 1
+
+
+def test_the_page_of_the_documentation_is_up_to_date():
+    """``make docs`` writes it."""
+    done = CliRunner().invoke(effects_command, ["--markdown"])
+    assert PAGE.read_text() == done.output
