@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ges.diagnose.types.decision import Considered
-from ges.diagnose.types.finding import Estimate, Finding, cleaned
+from ges.diagnose.types.finding import Estimate, Finding, json_values
 from ges.vehicle.file import Vehicle
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from ges.diagnose.prove.traces import Trace, trace
 from ges.diagnose.prove.verify import STAGES, horizon_times_s
 from ges.diagnose.report.drawing import Figure
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import cleaned
+from ges.diagnose.types.finding import json_values
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
 from ges.simulator import effects as effect_table
 
@@ -82,7 +82,7 @@ def held_out(diagnosis: Diagnosis) -> Mapping[str, Mapping[str, Any]]:
     ----------
     diagnosis : any.
     """
-    channels = cleaned(diagnosis.fit["channels"])
+    channels = json_values(diagnosis.fit["channels"])
     # bars are errors over that of the file as given: without a flight held out there is none
     return channels if any(c["before"] for c in channels.values()) else {}
 

@@ -402,7 +402,7 @@ def _shade(axis: Axes, t: Trace) -> None:
 
 
 def _limit(axis: Axes, used: np.ndarray, *signals: np.ndarray) -> None:
-    """Return limits of an axis by what is used: an impact on the ground would flatten all else."""
+    """Limit an axis by what is used: an impact on the ground would flatten all else."""
     values = np.concatenate([s[used & np.isfinite(s)] for s in signals])
     if len(values):
         room = 0.05 * np.ptp(values) or 1.0
@@ -535,7 +535,7 @@ def draw_parameters(axis: Axes, parameters: Sequence[Mapping[str, Any]]) -> dict
 
 
 def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
-    """Return one line: what is drawn lies between 0 and 1."""
+    """Draw one line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
     nominal, two_sds = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
     band = [nominal - two_sds, nominal + two_sds] if nominal is not None else []

@@ -143,7 +143,7 @@ class Finding:
         }
 
 
-def cleaned(value: Any) -> Any:
+def json_values(value: Any) -> Any:
     """Convert a value to plain JSON.
 
     Parameters
@@ -155,9 +155,9 @@ def cleaned(value: Any) -> Any:
     The same with floats of six significant digits; None in place of NaN and infinity.
     """
     if isinstance(value, Mapping):
-        return {str(k): cleaned(v) for k, v in value.items()}
+        return {str(k): json_values(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [cleaned(v) for v in value]
+        return [json_values(v) for v in value]
     # numpy's scalars are not JSON's
     if hasattr(value, "item"):
         value = value.item()
