@@ -26,7 +26,7 @@ from ges.simulator import effects as effect_table
 class PredictiveGain:
     """Training flights, each predicted from the others with a name and without it.
 
-    The F flights are F arrays; empty where there is one flight.
+    Arrays are (F,) for F flights, empty where there is one flight.
 
     Attributes
     ----------

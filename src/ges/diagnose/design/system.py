@@ -85,10 +85,10 @@ class DesignColumn:
 
     Notes
     -----
-    A ground-effect thrust gain is split into parts. Gains differ between rotors with the height of
-    each, and so does the moment. A sideways force on the rotors is split too. Its lever about the
-    centre of gravity is millimetres long. Small moments are measured far better than small forces,
-    and would decide its size.
+    A ground-effect thrust gain is split into parts. How much the gains of the rotors differ, and so
+    the moment, depends on how far each of them spreads. A sideways force on the rotors is split
+    too. Its lever about the centre of gravity is millimetres long. Small moments are measured far
+    better than small forces, and would decide its size.
     """
 
     label: str

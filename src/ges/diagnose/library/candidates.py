@@ -124,7 +124,7 @@ class Candidate:
 
     @property
     def stands_alone(self) -> bool:
-        """Whether it acts where nothing else is on, without or with prerequisites of its own."""
+        """Whether it acts where nothing else is on: it needs no prerequisite, or brings one."""
         return not self.prerequisites or any(v.given for v in self.variants)
 
 
