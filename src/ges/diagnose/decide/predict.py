@@ -130,7 +130,7 @@ class _LinearFit:
                 rows.air
             ]
             rms = float(np.linalg.norm(error[np.isfinite(error)]) / np.sqrt(len(error)))
-            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (8) of docs/method.md
+            # log p(y_f | y_-f) = log Z(y) - log Z(y_-f), equation (9) of docs/method.md
             rows_of_flights.append((total - others, rms))
         density, error_rms = np.array(rows_of_flights).T
         return density, error_rms

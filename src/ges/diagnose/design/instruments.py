@@ -27,8 +27,6 @@ from ges.simulator import flight as sim
 from ges.simulator.parameters import parameters
 
 MOMENTS = ("moment_x", "moment_y", "moment_z")
-# Lags of commands in half windows, value, slope and curvature on either side of a window.
-APART = (-4, -3, -2, 2, 3, 4)
 
 
 def _reference_table(flight: Prepared) -> np.ndarray:
@@ -135,9 +133,11 @@ def instruments(
         of_references = [
             signal for base in ("force_z", *MOMENTS) for signal in by_channel.get(base, ())
         ]
+        # value, slope and curvature on either side, a window away and more
+        apart = (*range(-4, -1), *range(2, 5))
         commands = zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
         by_channel |= {
-            name: [*_delayed_copies(u, flight, windows, APART), *of_references]
+            name: [*_delayed_copies(u, flight, windows, apart), *of_references]
             for name, u in commands
         }
     columns = {

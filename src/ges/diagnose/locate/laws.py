@@ -186,7 +186,7 @@ def sparse_form(
 
     Returns
     -------
-    The set with the greatest score of equation (11) of docs/method.md; no term where none is
+    The set with the greatest score of equation (12) of docs/method.md; no term where none is
     positive.
     """
     good = [np.isfinite(of_flight) for of_flight in e]
@@ -208,7 +208,7 @@ def sparse_form(
         chosen, r2 = _exchange(folds, (*chosen, *folds.best_addition(chosen)))
         used = table[:, moving[list(chosen)]]
         error = y - used @ np.linalg.lstsq(used, y, rcond=None)[0]
-        # log predictive density of Gaussian errors, equation (11) of method.md
+        # log predictive density of Gaussian errors, equation (12) of method.md
         missed = max(1.0 - r2, settings.numerics.tiny)
         score = -0.5 * _independent_count(error, flight) * math.log(missed) - len(chosen) * price
         if score > worth:
