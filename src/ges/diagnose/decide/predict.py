@@ -58,7 +58,7 @@ def predictive_gain(fitted: Fitted, name: str, channel: str) -> PredictiveGain:
 
     References
     ----------
-    Equation (8) of docs/method.md.
+    Equation (9) of docs/method.md.
     """
     regression = fitted.regression
     grams = flight_grams(regression.whites, regression.system.columns, settings.evidence.tempering)
