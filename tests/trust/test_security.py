@@ -87,10 +87,8 @@ def test_no_word_of_a_log_is_a_command_to_a_terminal(tmp_path):
         ("actuator_motors", 0, {"timestamp": t_us, "control[0]": 0.5 + 0.0 * t_us}),
     ]
     log = writers.ulog(tmp_path / "f.ulg", topics, info={"ver_hw": "\x1b[2J\nBOARD"})
-    for words in (["doctor", log], ["import", log, "--vehicle", "appius", "--out", tmp_path / "a"]):
-        told = run(*words)
-        assert "\x1b" not in told.stdout + told.stderr
-    assert "BOARD" in run("doctor", log).stdout
+    told = run("doctor", log)
+    assert "BOARD" in told.stdout and "\x1b" not in told.stdout + told.stderr
 
 
 # Files that lead elsewhere, or grow.

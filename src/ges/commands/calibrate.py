@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from ges.files import require_file
+
 
 @click.command()
 @click.argument(
@@ -23,12 +25,12 @@ def command(recordings: tuple[Path, ...], out: Path) -> None:
 
     Example: ges calibrate monday thursday --out drone7.yaml
     """
+    require_file(out)
+
     from ges.diagnose.calibrate.calibrate import calibrate
-    from ges.files import require_file
     from ges.recordings.recording import load_set
     from ges.vehicle.file import save_vehicle
 
-    require_file(out)
     # a session may be a single flight
     found = calibrate(*(load_set(one, least=1) for one in recordings))
     for warning in found.warnings:

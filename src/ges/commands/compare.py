@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from ges.files import require_file
+
 
 @click.command()
 @click.argument("first", type=click.Path(path_type=Path), metavar="DIR")
@@ -24,13 +26,12 @@ def command(first: Path, second: Path, html: Path | None) -> None:
 
     Example: ges compare reports/monday reports/tuesday
     """
+    if html:
+        require_file(html)
     from ges.diagnose.report import compare
     from ges.diagnose.report.saved import load_diagnosis
     from ges.diagnose.report.terminal import console
-    from ges.files import require_file
 
-    if html:
-        require_file(html)
     names = [str(first), str(second)]
     comparison = compare.compare(load_diagnosis(first), load_diagnosis(second), names)
     console().print(compare.as_text(comparison))
