@@ -91,6 +91,22 @@ class _Correction(BaseModel):
     declared_sd: float | None
 
 
+class _File(BaseModel):
+    name: str = ""
+    sha256: str | None = None
+
+
+class _Origin(BaseModel):
+    vehicle: _File = Field(default_factory=_File)
+    flights: list[_File] = []
+
+
+class _Detectable(BaseModel):
+    parameter: str
+    smallest: float | None
+    unit: str = ""
+
+
 class _Saved(BaseModel):
     """Keys of diagnosis.json that this version reads; others are kept and ignored."""
 
@@ -104,13 +120,13 @@ class _Saved(BaseModel):
     laws: list[_LawInWords] = []
     unexplained: list[dict[str, Any]]
     fit: _Fit
-    detectable: dict[str, dict[str, Any]]
+    detectable: dict[str, _Detectable]
     next_flight: dict[str, Any]
     data: dict[str, Any]
     calibration: dict[str, _Correction] = {}
     considered: list[_Considered] = []
     not_tested: dict[str, str] = {}
-    origin: dict[str, Any] = {}
+    origin: _Origin = Field(default_factory=_Origin)
 
 
 def load_diagnosis(folder: str | Path) -> dict[str, Any]:
