@@ -19,6 +19,11 @@ class _Parameter(BaseModel):
     unit: str
 
 
+class _Rival(BaseModel):
+    name: str
+    log_odds: float
+
+
 class _Finding(BaseModel):
     name: str
     kind: Literal["physics", "parameter", "sensor"]
@@ -26,7 +31,7 @@ class _Finding(BaseModel):
     equation: str
     parameters: dict[str, _Parameter]
     size: dict[str, Any]
-    alternatives: list[dict[str, Any]]
+    alternatives: list[_Rival]
     # with a default: what older versions did not write
     title: str = ""
     place: str = ""
