@@ -9,12 +9,12 @@ from ges.conventions import rotor_speed
 from ges.diagnose.design.instruments import (
     instrument_strength,
     instruments,
-    mark_of,
     project,
     replay_references,
     rotor_signals,
 )
 from ges.diagnose.prepare.align import streams
+from ges.diagnose.types.keys import MarkedChannel
 
 from ..synthetic import MODEL, NUMBERS, hovering, times, windows_of
 
@@ -129,7 +129,8 @@ def test_instruments_know_what_was_asked_and_nothing_of_the_recording():
 
 
 def test_marks_are_what_stands_behind_the_channel():
-    assert mark_of("moment_x/2") == "/2" and mark_of("force_z") == ""
+    assert MarkedChannel.of("moment_x/2") == ("moment_x", "/2")
+    assert MarkedChannel.of("force_z") == ("force_z", "")
 
 
 def test_commands_far_from_a_window_are_instruments_of_its_drive():

@@ -53,6 +53,7 @@ from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated
 from ges.diagnose.select.evidence import Gram, marginalise_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import interval95
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED, Model, from_vehicle
 from ges.errors import GesError
 from ges.recordings.recording import RecordingSet, require_drive
@@ -385,7 +386,7 @@ def _usual_sd(key: str, model: Model) -> float:
         # drive's, and a speed goes as the root of thrust
         gain_sd = settings.calibrate.spread * settings.calibrate.loss_sd
         return 0.5 * gain_sd * model.number("max_rotor_speed_rad_s")
-    effect, _, parameter = key.partition(".")
+    effect, parameter = ParameterKey.of(key)
     usual = effect_table.get(effect).parameter(parameter).doubt
     return usual.sd if usual else 0.0
 
@@ -578,7 +579,7 @@ def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
 
     Trims always are; effects of the drive where stated, or beyond the usual.
     """
-    effect, clear_sds = key.split(".")[0], settings.statistics.clear_sds
+    effect, clear_sds = ParameterKey.of(key).effect, settings.statistics.clear_sds
     clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
     of_the_drive = effect in {e.name for e in _drive_effects()}
     return key in TRIMS and key != THRUST or of_the_drive and (clear or effect in vehicle.effects)
@@ -591,7 +592,7 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
     """
     effects = {name: dict(values) for name, values in vehicle.effects.items()}
     for key, number in numbers.items():
-        name, parameter = key.split(".")
+        name, parameter = ParameterKey.of(key)
         if not _is_written_as_effect(key, number, vehicle):
             continue
         parameters = effects.setdefault(name, {})
@@ -603,8 +604,8 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
         value, low, high = (start + v for v in (number.value, *number.ci95))
         parameters[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
     if set(LOSSES) & set(numbers):
-        lever = LEVERS[0].split(".")[0]
-        still = {key.split(".")[1]: Estimate(value=0.0) for key in LEVERS}
+        lever = ParameterKey.of(LEVERS[0]).effect
+        still = {ParameterKey.of(key).parameter: Estimate(value=0.0) for key in LEVERS}
         effects[lever] = {**still, **effects.get(lever, {})}
     return effects
 

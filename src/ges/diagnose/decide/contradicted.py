@@ -10,6 +10,7 @@ from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED, Model
 from ges.simulator import effects as effect_table
 
@@ -25,7 +26,7 @@ def corrected_numbers(key: str) -> str:
     -------
     ``mass_kg or ...``; the key itself where it corrects none.
     """
-    effect, parameter = key.split(".")
+    effect, parameter = ParameterKey.of(key)
     if key == SPEED:
         return parameter
     return " or ".join(effect_table.get(effect).parameter(parameter).corrects) or key
@@ -52,7 +53,7 @@ class Contradicted:
     @property
     def effect(self) -> str:
         """The effect that corrects it; ``vehicle`` for a number that none corrects."""
-        return self.key.split(".")[0]
+        return ParameterKey.of(self.key).effect
 
     @property
     def is_trim(self) -> bool:
@@ -99,7 +100,7 @@ def contradicted_parameters(
         # with what the recording adds to the file's own sd, as how long a command was held
         if key in model.prior_sds
         and (sd := nuisance_of(system.columns[system.nuisances[key]]).sd)
-        and key.split(".")[0] not in but
+        and ParameterKey.of(key).effect not in but
         # certain alone is not enough: a number known to a hair may be off by what matters nowhere
         and abs(value) > settings.statistics.certain_sds * sd
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
@@ -114,7 +115,7 @@ def _is_nominal(key: str) -> bool:
 
 def _relative_correction(key: str, value: float, model: Model) -> float:
     """Return a correction over the nominal value."""
-    effect, parameter = key.split(".")
+    effect, parameter = ParameterKey.of(key)
     if key == SPEED:
         return value / model.number(parameter)
     parameter_of_effect = effect_table.get(effect).parameter(parameter)

@@ -34,7 +34,6 @@ from ges.conventions import AXES
 from ges.diagnose.design.instruments import (
     instrument_strength,
     instruments,
-    mark_of,
     project,
     rotor_signals,
 )
@@ -42,6 +41,7 @@ from ges.diagnose.design.table import ColumnTable
 from ges.diagnose.design.weak import Windows, blocks_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import MarkedChannel, ParameterKey
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
 
@@ -64,7 +64,7 @@ def feedback_of(key: str) -> str:
     -------
     The kind; 'none' for a number that no effect corrects.
     """
-    effect = effect_table.table().get(key.split(".")[0])
+    effect = effect_table.table().get(ParameterKey.of(key).effect)
     return effect.feedback if effect else "none"
 
 
@@ -75,7 +75,7 @@ def near_ground_gain(key: str) -> bool:
     ----------
     key : ``effect.parameter``.
     """
-    effect = effect_table.table().get(key.split(".")[0])
+    effect = effect_table.table().get(ParameterKey.of(key).effect)
     return effect is not None and effect.feedback == "thrust_gain" and "height" in effect.needs
 
 
@@ -86,7 +86,7 @@ def moves_a_speed(key: str) -> bool:
     ----------
     key : ``effect.parameter``.
     """
-    effect = effect_table.table().get(key.split(".")[0])
+    effect = effect_table.table().get(ParameterKey.of(key).effect)
     return key == SPEED or (effect is not None and effect.kind == "actuator")
 
 
@@ -122,7 +122,7 @@ def subtract_trims(
         if block_of(name) != "moment" or not dynamic[x.at[c]].any():
             continue
         # by the channel's own test function: the average of what is held, the rate of what turned
-        mean, rate = windows.functions[mark_of(name)]
+        mean, rate = windows.functions[MarkedChannel.of(name).mark]
         trim = (mean @ constant_and_thrust)[air]
         rotation = (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
         at = np.ix_(air, dynamic[x.at[c]])
@@ -297,7 +297,7 @@ def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.n
     column alike (errors in variables). Its plain average would have spun the vehicle, and counts in
     full.
     """
-    seen = channel.rates_measured or not mark_of(channel.name)
+    seen = channel.rates_measured or not MarkedChannel.of(channel.name).mark
     if not _is_balance(channel) or not channel.name.startswith(YAW) or seen:
         return None
     return channel.remainder(x, mean_counts=True)

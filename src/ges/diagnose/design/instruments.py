@@ -21,6 +21,7 @@ from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import drive
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import MarkedChannel
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator import flight as sim
@@ -141,9 +142,10 @@ def instruments(
             for name, u in commands
         }
     columns = {
-        name: np.column_stack(_centred_means(by_channel[base], functions[mark_of(name)][0]))
+        name: np.column_stack(_centred_means(by_channel[channel], functions[mark][0]))
         for name in names
-        if (base := name.split("/")[0]) in by_channel and mark_of(name) in functions
+        for channel, mark in [MarkedChannel.of(name)]
+        if channel in by_channel and mark in functions
     }
     return {name: columns.get(name, np.zeros((len(windows), 1))) for name in names}
 
@@ -172,9 +174,10 @@ def rotor_signals(
         signals |= zip(drive(model.n_rotors), flight.stack("command").T, strict=True)
     functions = windows.functions
     return {
-        n: functions[mark_of(n)][0] @ signals.get(n.split("/")[0], signals["force_z"])
-        for n in names
-        if mark_of(n) in functions
+        name: functions[mark][0] @ signals.get(channel, signals["force_z"])
+        for name in names
+        for channel, mark in [MarkedChannel.of(name)]
+        if mark in functions
     }
 
 
@@ -194,16 +197,6 @@ def _thrust_and_moments(
     replay = effect_table.replay(model.parameters, samples, on, terrain)
     moments = zip(MOMENTS, replay.moment_Nm.T, strict=True)
     return {"force_z": replay.force_N[:, 2], **dict(moments)}
-
-
-def mark_of(name: str) -> str:
-    """Return the mark of a test function in a channel's name.
-
-    Parameters
-    ----------
-    name : ``moment_x/1``, which has ``/1``; '' for the plain average.
-    """
-    return name[len(name.split("/")[0]) :]
 
 
 def _delayed_copies(

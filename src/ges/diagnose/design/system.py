@@ -40,6 +40,7 @@ from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.channels import MOMENT, channels, drive
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import MarkedChannel, ParameterKey
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import MOST_LANES, Replay
@@ -273,7 +274,7 @@ class System:
     @property
     def main(self) -> tuple[str, ...]:
         """Channels under the plain average, which are reported and drawn."""
-        return tuple(name for name in self.names if "/" not in name)
+        return tuple(name for name in self.names if not MarkedChannel.of(name).mark)
 
     def blocks(self, length_s: float) -> list[np.ndarray]:
         """Count the blocks of time of every window.
@@ -320,7 +321,7 @@ def nuisances(
     # the top speed is a number of the vehicle: no effect's descriptor has a prior for it
     if "drive" in present:
         sd = model.prior_sds.get(SPEED, 0.0)
-        effect, _, parameter = SPEED.partition(".")
+        effect, parameter = ParameterKey.of(SPEED)
         listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=0.0))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
@@ -329,7 +330,7 @@ def _nuisance(
     key: str, prior: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
     """Return one parameter with its priors, centred on the vehicle file."""
-    effect, _, parameter = key.partition(".")
+    effect, parameter = ParameterKey.of(key)
     unit = model.arm_m if prior.per_arm else 1.0
     sd = model.prior_sds.get(key, unit * prior.sd)
     if sd and prior.timing:

@@ -22,6 +22,7 @@ from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -166,8 +167,9 @@ class Shift:
         # and thrust carries as much more: a thrust scale of minus one over the mass
         per_kg = 1.0 / model.number("mass_kg")
         start = {
-            key: model.effects.get(key.split(".")[0], {}).get(key.split(".")[1], 0.0)
+            key: model.effects.get(effect, {}).get(parameter, 0.0)
             for key in (*losses_of(model), *MASS)
+            for effect, parameter in [ParameterKey.of(key)]
         }
         loss = {f"loss_{i}": (start[LOSSES[i - 1]], 1.0)}
         hub = {

@@ -21,6 +21,7 @@ from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED
 from ges.diagnose.types.words import number_words
 from ges.simulator import effects as effect_table
@@ -56,7 +57,7 @@ class UnmeasuredThrust:
     @property
     def may_move(self) -> frozenset[str]:
         """Effects whose nominal parameters the rivals can move, and the top speed."""
-        return frozenset({*self.rivals, SPEED.split(".")[0]})
+        return frozenset({*self.rivals, ParameterKey.of(SPEED).effect})
 
     def is_form_error(self, name: str, size: Mapping) -> bool:
         """Return whether an effect may be a form error of the curve that is needed.
@@ -66,7 +67,7 @@ class UnmeasuredThrust:
         name : of the effect.
         size : of a finding.
         """
-        if effect_table.get(name).error_of != self.key.split(".")[0]:
+        if effect_table.get(name).error_of != ParameterKey.of(self.key).effect:
             return False
         column, channel = self.system.nuisances[self.key], self.system.main.index(size["channel"])
         return (
@@ -114,7 +115,7 @@ class UnmeasuredThrust:
 
     def findings(self) -> list[Finding]:
         """Return the rivals as findings, each equally probable."""
-        effect, parameter = self.key.split(".")
+        effect, parameter = ParameterKey.of(self.key)
         estimates = {effect: {parameter: self.excess}}
         return [
             Finding.of(name, 1.0 / len(self.rivals), estimates.get(name, {}), is_open=True)
@@ -144,7 +145,7 @@ class UnmeasuredThrust:
         per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
         thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
-            effect, _, parameter = CURVE.partition(".")
+            effect, parameter = ParameterKey.of(CURVE)
             bend = within_bounds(effect, parameter, thrust / per_bend)
             return {"battery_sag": sags, "thrust_curve": {"c": bend}}
         present = model.effects.get("thrust_scale", {}).get("scale", 0.0)
@@ -169,7 +170,7 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     prior_sds = {
         key: sd
         for key, k in system.nuisances.items()
-        if (key.split(".")[0] in rivals or rivals and key == SPEED)
+        if (ParameterKey.of(key).effect in rivals or rivals and key == SPEED)
         and (sd := nuisance_of(system.columns[k]).sd)
     }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
@@ -186,7 +187,7 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     if key is None or in_sds[key] < settings.statistics.certain_sds:
         return None
     # a top speed as a share of the file's; a curve is wrong by its form as well
-    unit = model.number(SPEED.split(".")[1]) if key == SPEED else 1.0
+    unit = model.number(ParameterKey.of(SPEED).parameter) if key == SPEED else 1.0
     value, form = mean_correction[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     # of these flights, and not of those to come: what they share, or how far they are apart
     apart = (

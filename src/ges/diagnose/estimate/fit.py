@@ -28,6 +28,7 @@ from ges.diagnose.select.evidence import (
 )
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -625,7 +626,7 @@ def pinned_priors(joint: JointFit) -> dict[str, tuple[float, float]]:
 
 def _is_trim(key: str) -> bool:
     """Return whether a nuisance, ``effect.parameter``, trims the vehicle."""
-    effect, parameter = key.split(".")
+    effect, parameter = ParameterKey.of(key)
     return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
 
@@ -686,7 +687,7 @@ def with_corrections(model: Model, common: Mapping[str, float]) -> Model:
     """
     more: dict[str, dict[str, float]] = {}
     for key, value in common.items():
-        effect, parameter = key.split(".")
+        effect, parameter = ParameterKey.of(key)
         if effect == "vehicle":
             model = model.with_number(parameter, model.number(parameter) + value)
             continue
@@ -709,7 +710,7 @@ def correction_bounds(key: str, model: Model) -> tuple[float, float]:
     key : ``effect.parameter``.
     model : that is corrected.
     """
-    effect, parameter = key.split(".")
+    effect, parameter = ParameterKey.of(key)
     if effect == "vehicle":
         return -model.number(parameter), math.inf
     p = effect_table.get(effect).parameter(parameter)

@@ -20,6 +20,7 @@ from ges.diagnose.library.candidates import (
     usual_height_m,
 )
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import Effect, Parameter, SearchHints
@@ -37,7 +38,7 @@ def library(model: Model, envelope: FlightEnvelope = NOWHERE) -> dict[str, Candi
         put them there or they may act several times.
     envelope : of the flights.
     """
-    corrected = {key.split(".")[0] for key in model.corrections}
+    corrected = {ParameterKey.of(key).effect for key in model.corrections}
     candidates = {}
     for effect in effect_table.table().values():
         # what the file has is known; what recalibration put there or moved may still be found

@@ -12,6 +12,7 @@ from rich.text import Text
 from ges.diagnose.report.page import VERDICTS, environment
 from ges.diagnose.report.sentence import key_words, size_words
 from ges.diagnose.report.terminal import table_of
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.words import (
     channel_words,
     number_words,
@@ -196,7 +197,7 @@ def _numbers(
         pair = [c.get(key) for c in (first, second)]
         yield {
             "name": key_words(key),
-            "unit": unit_words(key.split(".")[1]),
+            "unit": unit_words(ParameterKey.of(key).parameter),
             "each": [_value(v) for v in pair],
             "overlap": _overlap(*(v["ci95"] if v else None for v in pair)),
         }

@@ -15,6 +15,7 @@ from ges.diagnose.prove.verify import STAGES, horizon_times_s
 from ges.diagnose.report.drawing import Figure
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import json_values
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
 from ges.simulator import effects as effect_table
 
@@ -139,7 +140,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _unit(key: str) -> str:
-    effect, parameter = key.split(".")
+    effect, parameter = ParameterKey.of(key)
     if effect == "vehicle":
         return "rad/s"
     return effect_table.get(effect).parameter(parameter).unit

@@ -28,6 +28,7 @@ from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Record
 from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.keys import ParameterKey
 from ges.simulator import effects as effect_table
 
 
@@ -226,7 +227,7 @@ def _contradicted_finding(
             f"correction of the vehicle file, {n.sds:.1f} times its declared sd",
         )
         for n in contradicted
-        for p in [n.key.split(".")[1]]
+        for p in [ParameterKey.of(n.key).parameter]
     }
     # to first order: the number's column times its correction
     terms = {system.nuisances[n.key]: n.value for n in contradicted}

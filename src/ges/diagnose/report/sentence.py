@@ -13,6 +13,7 @@ from typing import Any
 from ges.diagnose.report.blocks import error_rows, least_relevant_error
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
     channel_words,
@@ -247,7 +248,7 @@ def key_words(key: str) -> str:
     ----------
     key : ``thrust_scale.scale``, which gives *thrust scale*.
     """
-    effect, parameter = key.split(".")
+    effect, parameter = ParameterKey.of(key)
     words = plain(without_unit(parameter))
     if effect == "vehicle":
         return words
@@ -262,7 +263,7 @@ def _correction_words(key: str, value: float) -> str:
     key : name of the parameter, or of the effect and the parameter.
     value : in the unit that the name carries.
     """
-    unit = unit_words(key.split(".")[-1])
+    unit = unit_words(ParameterKey.of(key).parameter)
     sign = "+" if value > 0 else ""
     return f"{sign}{number_words(value, 2)} {unit}" if unit else f"{sign}{percent_words(value)}"
 

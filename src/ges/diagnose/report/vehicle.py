@@ -12,6 +12,7 @@ from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.prepare.gate import with_stated_voltage
 from ges.diagnose.report.laws import vehicle_laws
 from ges.diagnose.types.finding import interval95
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.vehicle.file import Estimate, Quantity, Vehicle
@@ -42,7 +43,7 @@ def fitted_vehicle(
     numbers: dict[str, Any] = {}
     effects = {name: dict(values) for name, values in vehicle.effects.items()}
     for key, value in joint.common.items():
-        name, parameter = key.split(".")
+        name, parameter = ParameterKey.of(key)
         if name == "vehicle":
             corrected = nominal.number(parameter) + value
             numbers[parameter] = Quantity(value=corrected, sd=joint.common_sd[key])
