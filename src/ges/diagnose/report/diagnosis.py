@@ -84,13 +84,13 @@ class Diagnosis:
     workings: Any = dataclasses.field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        """Verdict and names in one line; ``sentence``, ``findings`` and ``fit`` have the rest."""
+        """Return verdict and names in one line; ``sentence``, ``findings`` and ``fit`` have the rest."""
         names = [f"{f.name} {f.place}".strip() for f in self.findings]
         names += [law["form"] for law in self.laws]
         return f"Diagnosis({self.verdict}: {', '.join(names) or 'no name'})"
 
     def _repr_html_(self) -> str:
-        """Verdict, sentence, findings and the picture of the largest residual, for a notebook."""
+        """Return verdict, sentence, findings and the picture of the largest residual."""
         rows = "".join(
             f"<tr><td>{html.escape(f.title)} {html.escape(f.place)}</td>"
             f"<td>{f.probability:.2f}</td><td>{html.escape(_numbers(f.parameters))}</td></tr>"

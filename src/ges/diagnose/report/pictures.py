@@ -395,7 +395,7 @@ def _line(axis: Axes, stage: str, t_s: np.ndarray, values: np.ndarray) -> None:
 
 
 def _shade(axis: Axes, t: Trace) -> None:
-    """Grey spans that are left out."""
+    """Shade the spans that are left out."""
     for span in t.left_out:
         axis.axvspan(span.start_s, span.end_s, color="#E4E4E4", linewidth=0, zorder=0)
     axis.margins(x=0.0)
