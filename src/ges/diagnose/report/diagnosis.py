@@ -84,7 +84,7 @@ class Diagnosis:
     workings: Any = dataclasses.field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        """Return verdict and names in one line; ``sentence``, ``findings`` and ``fit`` have the rest."""
+        """Return verdict and names in one line; ``sentence`` and ``fit`` have the rest."""
         names = [f"{f.name} {f.place}".strip() for f in self.findings]
         names += [law["form"] for law in self.laws]
         return f"Diagnosis({self.verdict}: {', '.join(names) or 'no name'})"
