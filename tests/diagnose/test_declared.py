@@ -9,7 +9,7 @@ from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.design.system import residuals_with
 from ges.diagnose.estimate.fit import null_fit, with_corrections
 from ges.diagnose.estimate.recalibrate import operating_point
-from ges.diagnose.library.candidates import flown as where_flown
+from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import library, out_of_reach
 from ges.diagnose.locate.stages import first_system
 from ges.diagnose.prepare.gate import pass_gate
@@ -87,10 +87,10 @@ def test_what_lies_beyond_the_bounds_of_its_parameters_is_not_tried(flown, sheet
     model = from_vehicle(sheet())
     frame = flown(sheet(), {}, manoeuvres.make("straight_runs", 20.0), 1)
     (flight,) = pass_gate([frame], model, ["f"]).flights
-    assert "downwash" in library(model, where_flown([flight], model.radius_m))
+    assert "downwash" in library(model, flight_envelope([flight], model.radius_m))
     for name in ("p_x_m", "p_y_m"):
         flight.columns[name] = 300.0 * np.asarray(flight.columns[name])
-    far = where_flown([flight], model.radius_m)
+    far = flight_envelope([flight], model.radius_m)
     assert "downwash" not in library(model, far)
     assert "width_m" in out_of_reach(effects.get("downwash"), model, far)
 

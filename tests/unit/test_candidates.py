@@ -66,7 +66,7 @@ def test_each_variant_has_a_name_of_its_own(flight):
 
 
 def test_what_was_not_logged_is_not_laid_out(flight):
-    blind = flight.replaced(columns={})
+    blind = flight.replace(columns={})
     assert not {"ceiling_effect", "wall_effect", "downwash", "rotor_saturation"} & set(
         library(MODEL, flight_envelope([blind], RADIUS_M))
     )

@@ -406,12 +406,14 @@ def open_names(result: SearchResult, names: set[str], contested: set[str]) -> tu
     -------
     The most probable first; empty for fewer than two.
     """
+    # one of those that are contested stands for what they do, so that it is no want of others
+    settled = names | contested
     # probability that nothing is at work beyond the settled names
-    without = sum(h.probability for h in result.hypotheses if not set(h.names) - names)
+    without = sum(h.probability for h in result.hypotheses if not set(h.names) - settled)
     possible = settings.statistics.possible_probability
     needed = without <= possible
     open_names = contested | {
-        n for n, p in result.inclusion.items() if needed and n not in names and p > possible
+        n for n, p in result.inclusion.items() if needed and n not in settled and p > possible
     }
     if len(open_names) < 2:
         return ()
