@@ -216,6 +216,11 @@ class Effect:
         return next(p for p in self.parameters if p.name == name)
 
     @property
+    def reads_voltage(self) -> bool:
+        """Whether it counts from a battery voltage, which its parameters or the flights state."""
+        return "reads_voltage" in self.hints
+
+    @property
     def moves_air(self) -> bool:
         """Whether it is a wind, which acts on what reads the velocity relative to the air."""
         return self.kind == "wind"

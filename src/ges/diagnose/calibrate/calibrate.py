@@ -566,7 +566,7 @@ def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> d
     curves = {
         e.name: {key: Estimate(value=q.value) for key, q in effects[e.name].items()}
         for e in _drive_effects()
-        if "reads_voltage" not in e.hints and effects.get(e.name)
+        if not e.reads_voltage and effects.get(e.name)
     }
     fields: dict[str, object] = {"effects": {**effects, **curves}}
     if vehicle.max_rotor_speed_rad_s:

@@ -397,9 +397,7 @@ def acting_speeds(flight: Prepared, model: Model, effects: effect_table.Effects)
         return commanded_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")
     suspect = {
-        name: values
-        for name, values in effects.items()
-        if "reads_voltage" in effect_table.get(name).hints
+        name: values for name, values in effects.items() if effect_table.get(name).reads_voltage
     }
     if not suspect or flight.has("command") or not flight.has("battery"):
         return measured

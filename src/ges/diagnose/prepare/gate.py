@@ -276,7 +276,7 @@ def with_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Mode
     volts = [
         f.columns["battery_V"][f.flying] for f in flights if f is not None and f.has("battery")
     ]
-    if not volts or any("reads_voltage" in effect_table.get(n).hints for n in model.effects):
+    if not volts or any(effect_table.get(n).reads_voltage for n in model.effects):
         return model
     return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
 
@@ -295,7 +295,7 @@ def with_stated_voltage(
     model : of :func:`with_flown_voltage`.
     """
     nominal = {"nominal_V": Estimate(value=model.number("battery_nominal_V"))}
-    reading = {n for n in effects if "reads_voltage" in effect_table.get(n).hints}
+    reading = {n for n in effects if effect_table.get(n).reads_voltage}
     return {
         name: {**(nominal if name in reading else {}), **values} for name, values in effects.items()
     }
