@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ges.diagnose.decide.contradicted import contradicted_parameters
-from ges.diagnose.decide.laws import FittedLaw, add_laws
+from ges.diagnose.decide.laws import FittedLaw, add_laws, rival_laws
 from ges.diagnose.decide.withdraw import (
     explain_flights,
     refit_with_open_names,
@@ -18,6 +18,7 @@ from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
+from ges.diagnose.locate.laws import RivalLaw
 from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.prepare.problem import Recordings, pose_problem
 from ges.diagnose.prove.proof import prove
@@ -108,8 +109,10 @@ def diagnose(
         explanation, unexplained, start, nominal, record
     )
     named = explanation.last.model
+    rivals: dict[str, RivalLaw] = {}
     laws: list[FittedLaw] = []
     if names is None:
+        rivals = rival_laws(explanation)
         explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
     # an open cause may move the numbers that it is confused with: those are not the file's fault
     excused = {*explanation.accepted.rivals, *(shift.may_move if shift else ())}
@@ -139,6 +142,7 @@ def diagnose(
         explanation,
         unexplained,
         laws,
+        rivals,
         models,
         proof,
         located,

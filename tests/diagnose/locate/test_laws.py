@@ -8,6 +8,7 @@ from ges.diagnose.locate.laws import (
     candidate_places,
     candidate_terms,
     neighbouring_terms,
+    rival_law,
     sparse_form,
     term_columns,
 )
@@ -60,6 +61,40 @@ def test_no_more_terms_than_a_reader_reads_and_none_that_gains_nothing():
     )
     one = sparse_form(_residual(x, np.eye(8)[0], _noise()), x, terms, BLOCKS)
     assert one.terms == (terms[0],)
+
+
+def _against(e, name, numbers=1):
+    terms, x = _terms(8)
+    return terms, rival_law("force_x", e, name, x, terms, BLOCKS, numbers, 30)
+
+
+def test_a_name_of_the_right_form_leads_the_law_of_as_many_numbers():
+    _, x = _terms(8)
+    acted = [v[:, 0] * v[:, 1] for v in x]
+    _, law = _against([a + n for a, n in zip(acted, _noise(), strict=True)], acted)
+    assert law.log_odds < -100.0
+
+
+def test_a_law_leads_a_name_that_only_resembles_what_acted_and_says_what_did():
+    _, x = _terms(8)
+    e = _residual(x, 0.8 * np.eye(8)[2], _noise())
+    terms, law = _against(e, [v[:, 2] ** 3 for v in x])
+    assert law.log_odds > 100.0
+    assert law.coefficients == {terms[2]: pytest.approx(0.8, abs=0.01)}
+
+
+def test_of_a_law_that_is_the_name_only_the_price_of_its_search_is_left():
+    _, x = _terms(8)
+    e = _residual(x, 0.8 * np.eye(8)[2], _noise())
+    _, law = _against(e, [0.8 * v[:, 2] for v in x])
+    assert law.log_odds == pytest.approx(np.log(30 / 8), abs=0.1)
+
+
+def test_a_rival_law_has_no_more_numbers_than_the_name():
+    _, x = _terms(8)
+    e = _residual(x, np.ones(8), _noise())
+    for numbers in (1, 3):
+        assert len(_against(e, [v[:, 0] for v in x], numbers)[1].coefficients) == numbers
 
 
 def test_a_term_that_stood_for_two_others_is_exchanged_for_them():

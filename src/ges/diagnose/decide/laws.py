@@ -17,9 +17,11 @@ from ges.diagnose.estimate.contributions import contributions_of, size_of_contri
 from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit, pinned_priors
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.locate.laws import (
+    RivalLaw,
     SparseForm,
     candidate_terms,
     neighbouring_terms,
+    rival_law,
     sparse_form,
     term_columns,
 )
@@ -117,6 +119,49 @@ def add_laws(
         if (own := [t for t in form.terms if t in terms])
     ]
     return more, unexplained_structures(more.structures, more.last.model), laws
+
+
+def rival_laws(explanation: Explanation) -> dict[str, RivalLaw]:
+    """Fit the law that could stand in the place of each name that acts as a force or moment.
+
+    Parameters
+    ----------
+    explanation : accepted names with their fit, without laws.
+
+    Returns
+    -------
+    By name; of several places a name has one law.
+    """
+    if explanation.accepted.fitted is None:
+        return {}
+    system, model = explanation.last.regression.system, explanation.last.model
+    free = [effect for effect, _ in explanation.accepted.fit.free]
+    rivals = {}
+    for name, contribution in explanation.contributions.items():
+        response = size_of_contribution(contribution, system)["channel"]
+        kinds = [kind for kind, names in RESPONSES.items() if block_of(response) in names]
+        if not kinds:
+            continue
+        channel = f"{kinds[0]}_{response[-1]}"
+        at = system.main.index(response)
+        own = [a[:, at] for a in contribution]
+        pairs = zip(explanation.last.residuals_in_air, own, strict=True)
+        # speeds through the air are those without the name: a wind is no part of its rival
+        bare = dataclasses.replace(
+            model, effects={k: v for k, v in model.effects.items() if k != name}
+        )
+        terms = candidate_terms(channel, system)
+        rivals[name] = rival_law(
+            channel,
+            [row[:, at] + a for row, a in pairs],
+            own,
+            term_columns(terms, system, bare),
+            terms,
+            system.blocks(settings.statistics.block_s),
+            free.count(name),
+            len(explanation.accepted.result.inclusion),
+        )
+    return rivals
 
 
 def _overdone(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -169,6 +169,22 @@ class SparseForm:
     r2: float
 
 
+@dataclasses.dataclass(frozen=True)
+class RivalLaw:
+    """A law of as many numbers as a name has, fitted in its place.
+
+    Attributes
+    ----------
+    channel : response of the law, ``force_y``.
+    coefficients : by term.
+    log_odds : of the law over the name; negative where the name predicts more.
+    """
+
+    channel: str
+    coefficients: Mapping[Term, float]
+    log_odds: float
+
+
 def sparse_form(
     e: Sequence[np.ndarray],
     x: Sequence[np.ndarray],
@@ -189,31 +205,120 @@ def sparse_form(
     The set with the greatest score of equation (12) of docs/method.md; no term where none is
     positive.
     """
-    good = [np.isfinite(of_flight) for of_flight in e]
-    block = np.concatenate([b[g] for b, g in zip(blocks, good, strict=True)])
-    # dealt out in turn, so that every fold spans all flights
-    fold = np.unique(block, return_inverse=True)[1] % settings.statistics.folds
-    y = np.concatenate([v[g] for v, g in zip(e, good, strict=True)])
-    table = np.concatenate([v[g] for v, g in zip(x, good, strict=True)])
-    size = np.sqrt(np.mean(table**2, axis=0))
-    moving = np.flatnonzero(size > settings.numerics.small * size.max(initial=0.0))
-    folds = _Folds.of(table[:, moving] / size[moving], y, fold)
+    table = _Table.of(e, x, blocks)
     # every term tried is as likely as any other
-    price = log_odds_against_one_of(len(moving)) + settings.statistics.acceptance_log_odds
-    flight = np.repeat(np.arange(len(good)), [int(g.sum()) for g in good])
-    chosen: tuple[int, ...] = ()
+    price = log_odds_against_one_of(table.count) + settings.statistics.acceptance_log_odds
     best, worth = SparseForm((), 0.0), 0.0
-    # a term may predict little until another is in the set
-    while len(chosen) < min(settings.report.terms, len(moving)):
-        chosen, r2 = _exchange(folds, (*chosen, *folds.best_addition(chosen)))
-        used = table[:, moving[list(chosen)]]
-        error = y - used @ np.linalg.lstsq(used, y, rcond=None)[0]
-        # log predictive density of Gaussian errors, equation (12) of method.md
-        missed = max(1.0 - r2, settings.numerics.tiny)
-        score = -0.5 * _independent_count(error, flight) * math.log(missed) - len(chosen) * price
+    for chosen, r2 in table.growing_sets(settings.report.terms):
+        score = table.log_odds(chosen, r2) - len(chosen) * price
         if score > worth:
-            best, worth = SparseForm(tuple(terms[moving[k]] for k in chosen), r2), score
+            best, worth = SparseForm(tuple(terms[table.moving[k]] for k in chosen), r2), score
     return best
+
+
+def rival_law(
+    channel: str,
+    e: Sequence[np.ndarray],
+    contribution: Sequence[np.ndarray],
+    x: Sequence[np.ndarray],
+    terms: Sequence[Term],
+    blocks: Sequence[np.ndarray],
+    numbers: int,
+    rivals: int,
+) -> RivalLaw:
+    """Fit the law that could stand in a name's place.
+
+    Parameters
+    ----------
+    channel : response of the law.
+    e : by flight, (m,) residual of all but the name, in the channel's unit, NaN where it is absent.
+    contribution : by flight, (m,) of the name.
+    x, terms, blocks : as for :func:`sparse_form`.
+    numbers : how many the name has fitted, and the law may have.
+    rivals : names that were searched.
+
+    References
+    ----------
+    Equation (13) of docs/method.md.
+    """
+    table = _Table.of(e, x, blocks)
+    name = _Table.of(e, [a[:, None] for a in contribution], blocks)
+    *_, (chosen, r2) = ((), 0.0), *table.growing_sets(numbers)
+    named = (0,) if name.count else ()
+    r2_of_name = float(name.folds.r2(np.array([named]))[0]) if named else 0.0
+    # both by the same number of independent values, the smaller
+    n = min(table.independent_count(chosen), name.independent_count(named))
+    price = len(chosen) * log_odds_against_one_of(table.count) - log_odds_against_one_of(rivals)
+    fitted = zip(chosen, table.coefficients(chosen).tolist(), strict=True)
+    return RivalLaw(
+        channel,
+        {terms[table.moving[k]]: c for k, c in fitted},
+        0.5 * n * (_log_missed(r2_of_name) - _log_missed(r2)) - price,
+    )
+
+
+def _log_missed(r2: float) -> float:
+    """Return the log of the share of the variance that is missed."""
+    return math.log(max(1.0 - r2, settings.numerics.tiny))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Table:
+    """A residual with terms that may explain it, over the usable windows of all flights.
+
+    ``y`` (n,) is the residual, ``x`` (n, K) the terms that move at all, with their numbers
+    ``moving`` among those given, ``flight`` (n,) the flight of every row.
+    """
+
+    y: np.ndarray
+    x: np.ndarray
+    moving: np.ndarray
+    flight: np.ndarray
+    folds: _Folds
+
+    @classmethod
+    def of(
+        cls, e: Sequence[np.ndarray], x: Sequence[np.ndarray], blocks: Sequence[np.ndarray]
+    ) -> _Table:
+        """Make it from residuals (m,), terms (m, K) and numbers of blocks (m,), by flight."""
+        good = [np.isfinite(of_flight) for of_flight in e]
+        block = np.concatenate([b[g] for b, g in zip(blocks, good, strict=True)])
+        # dealt out in turn, so that every fold spans all flights
+        fold = np.unique(block, return_inverse=True)[1] % settings.statistics.folds
+        y = np.concatenate([v[g] for v, g in zip(e, good, strict=True)])
+        table = np.concatenate([v[g] for v, g in zip(x, good, strict=True)])
+        size = np.sqrt(np.mean(table**2, axis=0))
+        moving = np.flatnonzero(size > settings.numerics.small * size.max(initial=0.0))
+        flight = np.repeat(np.arange(len(good)), [int(g.sum()) for g in good])
+        folds = _Folds.of(table[:, moving] / size[moving], y, fold)
+        return cls(y, table[:, moving], moving, flight, folds)
+
+    @property
+    def count(self) -> int:
+        """Number of terms that move."""
+        return len(self.moving)
+
+    def growing_sets(self, most: int) -> Iterator[tuple[tuple[int, ...], float]]:
+        """Return the best sets of one term, two and so on, with the R^2 that they predict."""
+        chosen: tuple[int, ...] = ()
+        # a term may predict little until another is in the set
+        while len(chosen) < min(most, self.count):
+            chosen, r2 = _exchange(self.folds, (*chosen, *self.folds.best_addition(chosen)))
+            yield chosen, r2
+
+    def coefficients(self, chosen: Sequence[int]) -> np.ndarray:
+        """Return coefficients (k,) of some terms by least squares."""
+        return np.linalg.lstsq(self.x[:, list(chosen)], self.y, rcond=None)[0]
+
+    def log_odds(self, chosen: Sequence[int], r2: float) -> float:
+        """Return the log predictive density of Gaussian errors over that of no term."""
+        # equation (12) of docs/method.md
+        return -0.5 * self.independent_count(chosen) * _log_missed(r2)
+
+    def independent_count(self, chosen: Sequence[int]) -> float:
+        """Return how many independent values the error of some terms has."""
+        error = self.y - self.x[:, list(chosen)] @ self.coefficients(chosen)
+        return _independent_count(error, self.flight)
 
 
 def _independent_count(residual: np.ndarray, flight: np.ndarray) -> float:

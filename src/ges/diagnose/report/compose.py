@@ -12,6 +12,7 @@ from ges.diagnose.decide.withdraw import Explanation
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels
+from ges.diagnose.locate.laws import RivalLaw
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.problem import Problem
@@ -26,7 +27,7 @@ from ges.diagnose.report.content import (
 )
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.report.findings import all_findings, detected_effects
-from ges.diagnose.report.laws import laws_content
+from ges.diagnose.report.laws import laws_content, with_rival_laws
 from ges.diagnose.report.origin import origin_of
 from ges.diagnose.report.per_speed import with_force_per_speed
 from ges.diagnose.report.sentence import with_sentence
@@ -43,6 +44,7 @@ def compose_diagnosis(
     explanation: Explanation,
     unexplained_structures: Sequence[Structure],
     laws: Sequence[FittedLaw],
+    rivals: Mapping[str, RivalLaw],
     models: Mapping[str, Model],
     proof: Proof,
     located: Sequence[dict],
@@ -59,6 +61,7 @@ def compose_diagnosis(
         model, the accepted names, errors on held-out flights.
     unexplained_structures : structure in the residuals of the accepted model.
     laws : found besides the names.
+    rivals : law that could stand in the place of each name.
     models : before, recalibrated and after, with laws also names_only.
     located : entries of ``located``.
     contradicted : nominal parameters that the flights contradict.
@@ -66,7 +69,9 @@ def compose_diagnosis(
     record : decisions on every name.
     names_searched : False where the names were given.
     """
-    findings = all_findings(explanation, contradicted, shift, problem.gate, record, names_searched)
+    findings = with_rival_laws(
+        all_findings(explanation, contradicted, shift, problem.gate, record, names_searched), rivals
+    )
     # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, explanation.last.model)
     unexplained = unexplained_entries(unexplained_structures)

@@ -131,6 +131,9 @@ def _as_named(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]
                 f"{_effect(a)} {odds_words(a['log_odds'])}" for a in f["alternatives"]
             )
             yield Text(f"instead of it: {others}")
+        if law := f.get("rival_law"):
+            form = f"{law['channel']} = {law['form']}"
+            yield Text(f"or a law of as many numbers: {form}, {odds_words(law['log_odds'])}")
 
 
 def _as_considered(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:

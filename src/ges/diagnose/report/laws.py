@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ges.diagnose.decide.laws import FittedLaw
-from ges.diagnose.types.finding import interval95
+from ges.diagnose.locate.laws import RivalLaw
+from ges.diagnose.types.finding import Finding, interval95
 from ges.diagnose.types.words import channel_words
 from ges.simulator.laws import Term, groups, written
 from ges.vehicle.file import Law
@@ -41,6 +43,30 @@ def laws_content(laws: Sequence[FittedLaw]) -> list[dict[str, Any]]:
         }
         for law in laws
     ]
+
+
+def with_rival_laws(findings: Sequence[Finding], rivals: Mapping[str, RivalLaw]) -> list[Finding]:
+    """Return findings with the laws that could stand in their place.
+
+    Parameters
+    ----------
+    findings : of the diagnosis.
+    rivals : by name.
+    """
+    return [
+        dataclasses.replace(f, rival_law=_rival_content(rivals[f.name]))
+        if f.name in rivals and not f.is_open
+        else f
+        for f in findings
+    ]
+
+
+def _rival_content(law: RivalLaw) -> dict[str, Any]:
+    return {
+        "channel": law.channel,
+        "form": written(law.coefficients, DIGITS) if law.coefficients else "0",
+        "log_odds": law.log_odds,
+    }
 
 
 def vehicle_laws(before: Sequence[Law], found: Sequence[FittedLaw]) -> tuple[Law, ...]:

@@ -36,6 +36,7 @@ class _Finding(BaseModel):
     title: str = ""
     place: str = ""
     open: bool = False
+    rival_law: dict[str, Any] = {}
 
 
 class _Decision(BaseModel):

@@ -63,6 +63,8 @@ class Finding:
         against them.
     is_open : whether the flights cannot tell it from others.
     place : where it acts, as ``rotor 3``, if in one of several places; else ''.
+    rival_law : ``channel``, ``form`` and ``log_odds`` of the law that could stand in its place, of
+        as many numbers. Empty where none could; negative odds are against the law.
 
     Examples
     --------
@@ -84,6 +86,7 @@ class Finding:
     alternatives: tuple[Mapping[str, Any], ...]
     is_open: bool = False
     place: str = ""
+    rival_law: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of(
@@ -140,6 +143,7 @@ class Finding:
             "alternatives": [dict(a) for a in self.alternatives],
             "open": self.is_open,
             "place": self.place,
+            "rival_law": dict(self.rival_law),
         }
 
 
