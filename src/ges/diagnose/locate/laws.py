@@ -266,8 +266,13 @@ def _log_missed(r2: float) -> float:
 class _Table:
     """A residual with terms that may explain it, over the usable windows of all flights.
 
-    ``y`` (n,) is the residual, ``x`` (n, K) the terms that move at all, with their numbers
-    ``moving`` among those given, ``flight`` (n,) the flight of every row.
+    Attributes
+    ----------
+    y : (n,) residual.
+    x : (n, K) terms that are not zero throughout.
+    moving : (K,) their numbers among those given.
+    flight : (n,) flight of every row.
+    folds : normal equations by fold.
     """
 
     y: np.ndarray

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,10 +11,11 @@ from ges.conventions import POSITION, QUANTILES_95, VELOCITY
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
+from ges.diagnose.locate.regimes import least_rms
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 
 STAGES = ("before", "recalibrated", "after")
 
@@ -142,19 +144,25 @@ def channel_table(
     }
 
 
-def recalibration_warnings(channels: Mapping[str, Mapping]) -> list[str]:
+def recalibration_warnings(channels: Mapping[str, Mapping], model: Model) -> list[str]:
     """Return a sentence for every channel that recalibration makes worse on held-out flights.
 
     Parameters
     ----------
     channels : of :func:`channel_table`.
+    model : for the reference scale of each channel.
+
+    Notes
+    -----
+    What grows by less than the practical significance threshold is not worth a sentence.
     """
     return [
         f"on the flights that took no part the error of {name} is {rms['before']:.3g} as given and"
         f" {rms['recalibrated']:.3g} recalibrated: the flights differ by more than the declared"
         " numbers can"
         for name, rms in channels.items()
-        if rms["recalibrated"] > (1.0 + settings.statistics.least_gain) * rms["before"]
+        if math.sqrt(max(rms["recalibrated"] ** 2 - rms["before"] ** 2, 0.0))
+        > least_rms(block_of(name), model.reference_scale(name))
     ]
 
 

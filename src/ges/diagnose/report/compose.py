@@ -78,7 +78,7 @@ def compose_diagnosis(
     calibration = calibration_of(explanation.last.joint, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, explanation.last.model)
-    warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"])]
+    warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"], problem.model)]
     verdict = verdict_of(findings, contradicted, laws, unexplained)
     diagnosis = Diagnosis(
         verdict=verdict,
