@@ -133,6 +133,14 @@ def test_names_replace_each_other_where_one_is_needed_and_neither_proven():
     assert open_names(not_needed, set(), {"wind", "rotor_tilt"}) == ("wind", "rotor_tilt")
 
 
+def test_open_names_are_as_many_as_hold_the_probability_of_an_acceptance():
+    shares = {"wind": 0.5, "rotor_tilt": 0.42, "cg_offset": 0.15, "inertia": 0.11}
+    found = _search({("wind",): (5.0, 0.55), (): (0.0, 0.001)}, shares)
+    # of 1.18 nine tenths are 1.062
+    assert open_names(found, set(), set()) == ("wind", "rotor_tilt", "cg_offset")
+    assert open_names(found, set(), {"inertia", "wind"})[-1] == "inertia", "it is contested"
+
+
 def test_the_best_rival_has_other_names_and_no_more_causes():
     found = _search(
         {("wind",): (9.0, 0.0), ("rotor_tilt", "tether"): (8.0, 0.0), ("cg_offset",): (5.0, 0.0)}

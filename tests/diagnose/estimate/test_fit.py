@@ -163,6 +163,27 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
     assert factors[0] < 1.3 and factors[1] > 2.5
 
 
+def test_what_hangs_on_one_block_of_time_is_not_known():
+    """The same column, spread over all blocks or gathered in one of them, fits as exactly."""
+    everywhere = _system((DRAG,), (0.7,))
+    first = np.arange(ROWS) < ROWS // 10
+    gathered = [
+        dataclasses.replace(r, x=dataclasses.replace(r.x, values=(r.x.values[0] * own[:, None],)))
+        for r, own in zip(everywhere.flights, (3.0 * first, 0.0 * first, 0.0 * first), strict=True)
+    ]
+    y = [
+        r.y - 0.7 * r.x.values[0] + 0.7 * g.x.values[0]
+        for r, g in zip(everywhere.flights, gathered, strict=True)
+    ]
+    gathered = [dataclasses.replace(g, y=v) for g, v in zip(gathered, y, strict=True)]
+    certain = []
+    for system in (everywhere, dataclasses.replace(everywhere, flights=tuple(gathered))):
+        joint = joint_fit(make_regression(system), [0])
+        assert joint.chosen[0] == pytest.approx(0.7, abs=0.1)
+        certain.append(joint.chosen[0] / joint.covariance[0, 0] ** 0.5)
+    assert certain[0] > 10.0 and certain[1] < 1.5
+
+
 def test_without_candidates_the_nuisances_do_their_best():
     system = _system((COMMON,), (0.3,))
     regression, joint = null_fit(system)

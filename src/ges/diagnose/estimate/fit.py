@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -20,9 +21,11 @@ from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
+    Gram,
     Regression,
     gram_of,
     make_regression,
+    marginalise_deviations,
     whiten_system,
     whitened_against_feedback,
 )
@@ -128,11 +131,14 @@ def joint_fit(
         room[i] = correction_bounds(nuisances[k].key, regression.system.model)
     if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
         beta = _bounded_solution(xx, xy, unit, room)
-    row_covariance = inverse[: sizes[0], : sizes[0]]
-    covariance = (
-        np.maximum(1.0, _inflation(regression, kept, places, beta, inverse, sizes[0]))
-        * row_covariance
+    # sds alone are widened, never narrowed: correlations stay those of the rows
+    shared = start[2]
+    row_sds = np.sqrt(np.diag(inverse)[:shared])
+    sds = np.maximum(
+        row_sds, _jackknife_sds(regression, kept[:shared], mean[:shared], precision[:shared])
     )
+    row_covariance, factor = inverse[: sizes[0], : sizes[0]], (sds / row_sds)[: sizes[0]]
+    covariance = row_covariance * np.outer(factor, factor)
     flight_names = [nuisances[k].key for k in varies]
     return JointFit(
         beta[: sizes[0]],
@@ -141,7 +147,7 @@ def joint_fit(
         # |y - x beta|^2 and the priors' share, also where a bound holds beta off the optimum
         yy - float((2.0 * xy - xx @ beta) @ beta),
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
-        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
+        dict(zip(names, sds[start[1] :], strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
     )
 
@@ -170,44 +176,65 @@ def _bounded_solution(
     return np.clip(solution.x * unit, *room.T)
 
 
-def _inflation(
-    regression: Regression,
-    kept: np.ndarray,
-    places: Sequence[np.ndarray],
-    beta: np.ndarray,
-    inverse: np.ndarray,
-    count: int,
+def _jackknife_sds(
+    regression: Regression, shared: np.ndarray, mean: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Return by how much blocks of time scatter more than independent rows, (k, k).
+    """Return sds of shared coefficients over fits that leave out a block of time each.
 
-    It is a sandwich over blocks.
+    Rows of a block depend on each other, and a coefficient that hangs on one block is not known.
+
+    Parameters
+    ----------
+    regression : of the fit.
+    shared : (s,) numbers of the columns that all flights share.
+    mean, precision : (s,) of their priors; precision is one over the variance.
+
+    References
+    ----------
+    CV3 of MacKinnon, Nielsen and Webb 2023, *Journal of Econometrics* 232, 272.
     """
-    if not count:
-        return np.ones((0, 0))
-    # meat of the sandwich, the sum of s s' over blocks; each flight in its own places
-    middle, blocks = np.zeros_like(inverse), regression.system.blocks(settings.statistics.block_s)
-    for white, at, block in zip(regression.whites, places, blocks, strict=True):
-        for score in _scores(white, kept, beta[at], block):
-            middle[np.ix_(at, at)] += np.outer(score, score)
-    # sds alone are widened, never narrowed: correlations stay those of the rows
-    robust = (inverse @ middle @ inverse)[:count, :count]
-    factor = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse)[:count], 1.0))
-    return np.outer(factor, factor)
+    nuisances = {int(k): nuisance_of(regression.system.columns[k]) for k in regression.nuisance}
+    varies = [k for k, n in nuisances.items() if n.flight_sd > 0]
+    flight_sd = np.array([nuisances[k].flight_sd for k in varies])
+    # what varies and is not shared has no common part, which has to be left out at the end
+    kept = np.array([*shared, *(k for k in varies if k not in shared)], dtype=int)
+    at = np.array([int(np.flatnonzero(kept == k)[0]) for k in varies], dtype=int)
+    blocks = regression.system.blocks(settings.statistics.block_s)
+    by_block = [_block_grams(w, kept, b) for w, b in zip(regression.whites, blocks, strict=True)]
+    whole = [sum(grams[1:], grams[0]) for grams in by_block]
+    own = [marginalise_deviations(gram, at, flight_sd) for gram in whole]
+    total = sum(own[1:], own[0])
+    rests = [total] + [
+        total - own[f] + marginalise_deviations(whole[f] - gram, at, flight_sd)
+        for f, grams in enumerate(by_block)
+        for gram in grams
+    ]
+    n = len(shared)
+    xx = np.array([g.xx[:n, :n] for g in rests]) + np.diag(precision)
+    xy = np.array([g.xy[:n] for g in rests]) + precision * mean
+    # coefficients differ by many orders in their units
+    unit = 1.0 / np.sqrt(np.diagonal(xx[0]))
+    beta = unit * np.linalg.solve(xx * np.outer(unit, unit), (xy * unit)[..., None])[..., 0]
+    count = len(rests) - 1
+    return np.sqrt((count - 1) / max(count, 1) * np.square(beta[1:] - beta[0]).sum(axis=0))
 
 
-def _scores(white: White, kept: np.ndarray, beta: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Return scores of the kept coefficients by block of time of one flight, (b, k)."""
+def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram]:
+    """Return normal equations of the kept columns by block of time of one flight."""
     number = np.unique(block, return_inverse=True)[1]
-    scores = np.zeros((number.max(initial=-1) + 1, len(kept)))
+    grams = [Gram(np.zeros((len(kept),) * 2), np.zeros(len(kept)), 0.0, 0.0)] * int(
+        number.max(initial=-1) + 1
+    )
     for part in white.parts:
         x, y = whitened_against_feedback(part)
         d = pick_columns(x, part.columns, kept)
-        # rows come in order of time, so that a block is one run of them, summed at once
+        # rows come in order of time, so that a block is one run of them
         first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
-        scores[number[part.at[first]]] += np.add.reduceat(
-            d * (y - d @ beta)[:, None], first, axis=0
-        )
-    return scores
+        for a, b in itertools.pairwise([*first.tolist(), len(y)]):
+            own, left = d[a:b], y[a:b]
+            i = number[part.at[a]]
+            grams[i] = grams[i] + Gram(own.T @ own, own.T @ left, float(left @ left), float(b - a))
+    return grams
 
 
 @dataclasses.dataclass(frozen=True)
