@@ -194,16 +194,14 @@ def _spread(values: np.ndarray) -> float:
 def _response_structures(
     unexplained: Sequence[Structure], explanation: Explanation
 ) -> dict[str, Structure]:
-    """Return channels of laws with structure in the mean."""
+    """Return channels of laws with structure; a size depends on what has another sign elsewhere."""
     main, by_channel = explanation.last.regression.system.main, {}
     for channel in CHANNELS:
         kind, axis = channel.split("_")
         responses = [f"{k}_{axis}" for k in RESPONSES[kind] if f"{k}_{axis}" in main]
-        means = [
-            s for name in responses for s in unexplained if s.channel == name and not s.of_size
-        ]
-        if means:
-            by_channel[channel] = means[0]
+        structures = [s for name in responses for s in unexplained if s.channel == name]
+        if structures:
+            by_channel[channel] = structures[0]
     return by_channel
 
 
