@@ -253,6 +253,7 @@ def _balanced(flown, craft) -> None:
         ),
         rotorpy.RotorpyDesign("hummingbird", {"translational_lift": 1.0, "axial_inflow": 0.3}),
         rotorpy.RotorpyDesign("hummingbird", shift_m=(0.006, -0.004)),
+        rotorpy.RotorpyDesign("hummingbird", strange={"skew": 1.0, "vane": 1.0}),
     ],
     ids=lambda d: d.key,
 )
@@ -265,11 +266,27 @@ def test_rotorpy_keeps_its_balance(design, monkeypatch):
     blowing = design.wind_m_s * np.array([0.6, 0.8, 0.0])
     air = rotorpy._air(design, blowing, 0.005, rng)
     flown = rotorpy._fly(numbers, design, path, air, 0.005, rng)
-    assert set(flown.changes) == {n for n in design.concealed().names}
+    assert set(flown.changes) == {*design.concealed().names, *design.strange}
     assert _left(flown, craft) < 1e-9
     if any(design.shift_m):
         _balanced(flown, craft)
     assert np.abs(flown.state["p"] - flown.state["p_ref"]).max() < 0.6
+
+
+@pytest.mark.parametrize("name", sorted(rotorpy.STRANGE["hummingbird"]))
+def test_the_sealed_law_of_a_stranger_is_what_acts(name):
+    """Evaluated as powers of forward and leftward speed and yaw rate, all of them positive."""
+    design = rotorpy.RotorpyDesign("hummingbird", strange={name: 0.7})
+    truth = design.concealed().truth()
+    (law,) = truth["laws"]
+    air, rates = np.array([1.3, 0.6, -0.4]), np.array([0.1, 0.2, 0.9])
+    values = {"V_x": air[0], "V_y": air[1], "V_h": np.hypot(*air[:2]), "r": rates[2]}
+    expected = law["coefficient_SI"] * np.prod([values[q] ** n for q, n in law["powers"].items()])
+    wrench = np.concatenate(rotorpy._strange_wrench(rotorpy._strange(design), air, rates))
+    kind, axis = law["channel"].split("_")
+    at = 3 * (kind == "moment") + "xyz".index(axis)
+    assert wrench[at] == pytest.approx(expected) and np.count_nonzero(wrench) == 1
+    assert (truth["verdict"], truth["category"]) == ("unknown", "unknown")
 
 
 def test_rotorpy_gusts_have_the_same_size_whatever_the_step():

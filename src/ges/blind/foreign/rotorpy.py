@@ -15,7 +15,7 @@ import numpy as np
 
 from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one
 from ges.blind.generator.airframe import TrueVehicle, declare
-from ges.blind.generator.detectable import TrueFlight
+from ges.blind.generator.detectable import NOTHING, TrueFlight
 
 WORLD = "rotorpy"
 NEEDS = ("rotorpy",)
@@ -46,6 +46,11 @@ ON = {
     },
 }
 ON["hexarotor"] = ON["hummingbird"]
+# what no library has, and what RotorPy's vehicles have not either: in SI units, body frame
+STRANGE = {
+    "hummingbird": {"skew": 0.12, "plate": 0.05, "fin": 0.006, "vane": 0.01},
+    "crazyflie": {"skew": 0.012, "plate": 0.006, "fin": 2.0e-4, "vane": 1.5e-4},
+}
 METHOD = "force along the path, RotorPy's own wrench with and without each effect"
 
 
@@ -59,17 +64,20 @@ class RotorpyDesign(Design):
     wind_m_s : speed of a steady wind.
     gusts : kind of moving air ('dryden' or 'sinusoid', '' for none) and its size (m/s).
     shift_m : place of the centre of mass from the published one, body x and y.
+    strange : share of the coefficients of :data:`STRANGE`, by name.
     """
 
     on: Mapping[str, float] = field(default_factory=dict)
     wind_m_s: float = 0.0
     gusts: tuple[str, float] = ("", 0.0)
     shift_m: tuple[float, float] = (0.0, 0.0)
+    strange: Mapping[str, float] = field(default_factory=dict)
 
     def _parts(self) -> list[str]:
         parts = [f"{n} {s:g}" for n, s in self.on.items()]
         parts += [f"wind {self.wind_m_s:g}"] if self.wind_m_s else []
         parts += [f"{self.gusts[0]} {self.gusts[1]:g}"] if self.gusts[0] else []
+        parts += [f"{n} {s:g}" for n, s in self.strange.items()]
         return parts + (["cg_offset"] if any(self.shift_m) else [])
 
     def concealed(self) -> Concealed:
@@ -77,16 +85,17 @@ class RotorpyDesign(Design):
 
         Returns
         -------
-        Moving air may be named without the drag that it acts through. With flapping, which no
-        library has, the verdict is ``unknown``.
+        Moving air may be named without the drag that it acts through. With flapping or what is
+        strange, which no library has, the verdict is ``unknown``.
         """
         names = list(self.on)
         names += ["wind"] if self.wind_m_s else []
         names += ["gusts"] if self.gusts[0] else []
         names += ["cg_offset"] if any(self.shift_m) else []
         severity = "weak" if min(self.on.values(), default=1.0) < 0.5 else "strong"
-        if "flapping" in self.on:
-            return Concealed(severity=severity, verdict="unknown", category="unknown")
+        if "flapping" in self.on or self.strange:
+            laws = tuple(_law(n, c) for n, c in _strange(self).items())
+            return Concealed(severity=severity, verdict="unknown", category="unknown", laws=laws)
         # moving air is felt through the drag alone
         instead = tuple((n,) for n in names if n in ("wind", "gusts"))
         return self._concealed(
@@ -114,6 +123,8 @@ def designs(half: str) -> list[RotorpyDesign]:
     found += [RotorpyDesign("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
     found += [RotorpyDesign("hummingbird", dict.fromkeys(effects[:3], 1.0))]
     found += [RotorpyDesign(v, {"flapping": 1.0}) for v in both]
+    odd = {"development": 1.0, "evaluation": 0.7}[half]
+    found += [RotorpyDesign(v, strange={n: odd}) for v in both for n in STRANGE[v]]
     for vehicle, speed in zip(both, wind, strict=True):
         found += [
             RotorpyDesign(vehicle, {"rotor_drag": 1.0}, wind_m_s=speed),
@@ -174,6 +185,44 @@ def _numbers(design: RotorpyDesign) -> dict[str, Any]:
     return numbers
 
 
+def _strange(design: RotorpyDesign) -> dict[str, float]:
+    """Return coefficients of what is strange, in the units of :func:`_strange_wrench`."""
+    return {n: share * STRANGE[design.vehicle][n] for n, share in design.strange.items()}
+
+
+def _strange_wrench(
+    numbers: Mapping[str, float], air: np.ndarray, rates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return force (N) and moment (N m) that no library has, in the body frame.
+
+    - ``skew`` (N s/m): a frame that is not symmetric pushes sideways as it flies forward, an entry
+      off the diagonal of its drag tensor (Happel and Brenner 1983, *Low Reynolds Number
+      Hydrodynamics*, ch. 5).
+    - ``plate`` (N s^2/m^2): a deck at a small incidence lifts with the square of forward speed, and
+      pushes down in backward flight (Anderson 2017, *Fundamentals of Aerodynamics*, sec. 4.7).
+    - ``fin`` (N m s^2/m^2): a fin behind the centre of mass turns the nose into the wind of a
+      sideslip (Etkin and Reid 1996, *Dynamics of Flight*, ch. 3).
+    - ``vane`` (N m s): vanes in the downwash damp yaw (the same, ch. 5).
+
+    ``air`` is the velocity through the air (3,), m/s.
+    """
+    u, v, _ = air
+    force = np.array([0.0, numbers.get("skew", 0.0) * u, numbers.get("plate", 0.0) * u * abs(u)])
+    turning = numbers.get("fin", 0.0) * v * np.hypot(u, v) - numbers.get("vane", 0.0) * rates[2]
+    return force, np.array([0.0, 0.0, turning])
+
+
+def _law(name: str, coefficient: float) -> dict[str, Any]:
+    """Return channel, powers of the speeds and rates (m/s, rad/s) and coefficient of a stranger."""
+    channel, powers, sign = {
+        "skew": ("force_y", {"V_x": 1}, 1.0),
+        "plate": ("force_z", {"V_x": 2}, 1.0),
+        "fin": ("moment_z", {"V_y": 1, "V_h": 1}, 1.0),
+        "vane": ("moment_z", {"r": 1}, -1.0),
+    }[name]
+    return {"channel": channel, "powers": powers, "coefficient_SI": sign * coefficient}
+
+
 def _hexarotor(of: Mapping[str, Any]) -> dict[str, Any]:
     """Return a hummingbird with six of its rotors, every other one turning the other way."""
     angles = np.radians(30.0 + 60.0 * np.arange(6))
@@ -202,13 +251,27 @@ def _four_of(numbers: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _vehicle(numbers: Mapping[str, Any], state: Mapping[str, np.ndarray]) -> Any:
-    """Return RotorPy's vehicle with all of its rotors."""
+def _vehicle(
+    numbers: Mapping[str, Any],
+    state: Mapping[str, np.ndarray],
+    strange: Mapping[str, float] = NOTHING,
+) -> Any:
+    """Return RotorPy's vehicle with all of its rotors, and with what is strange."""
     from rotorpy.vehicles.multirotor import Multirotor
 
+    class Strange(Multirotor):
+        def compute_body_wrench(
+            self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray
+        ) -> tuple[np.ndarray, np.ndarray]:
+            force, moment = super().compute_body_wrench(
+                body_rates, rotor_speeds, body_airspeed_vector
+            )
+            more = _strange_wrench(strange, body_airspeed_vector, body_rates)
+            return force + more[0], moment + more[1]
+
     if numbers["num_rotors"] == 4:
-        return Multirotor(dict(numbers), dict(state), aero=True)
-    vehicle = Multirotor(_four_of(numbers), dict(state), aero=True)
+        return Strange(dict(numbers), dict(state), aero=True)
+    vehicle = Strange(_four_of(numbers), dict(state), aero=True)
     vehicle.num_rotors, vehicle.rotor_pos = numbers["num_rotors"], numbers["rotor_pos"]
     vehicle.rotor_dir = numbers["rotor_directions"]
     vehicle.extract_geometry()
@@ -377,7 +440,7 @@ def _fly(
         "rotor_speeds": np.full(rotors, hover),
     }
     # the body alone is shifted: controller and file believe in the published hubs
-    vehicle, pilot = _vehicle(numbers, state), _pilot(numbers)
+    vehicle, pilot = _vehicle(numbers, state, _strange(design)), _pilot(numbers)
     vehicle.rotor_geometry = vehicle.rotor_geometry - np.array([*design.shift_m, 0.0])
     without = _vehicles_without(design, numbers, state)
     rows = []
@@ -403,13 +466,15 @@ def _vehicles_without(
 ) -> dict[str, Any]:
     """Return by name the vehicle that lacks this one effect; None for air that moves."""
 
-    def vehicle(off: Iterable[str], shift: Sequence[float]) -> Any:
+    def vehicle(off: Iterable[str], shift: Sequence[float], strange: Iterable[str] = ()) -> Any:
         # as it flies but for the one effect
-        one = _vehicle(dict(numbers) | dict.fromkeys(off, 0.0), state)
+        left = {n: c for n, c in _strange(design).items() if n not in strange}
+        one = _vehicle(dict(numbers) | dict.fromkeys(off, 0.0), state, left)
         one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
         return one
 
     found = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
+    found |= {n: vehicle((), design.shift_m, (n,)) for n in design.strange}
     if any(design.shift_m):
         found["cg_offset"] = vehicle((), (0.0, 0.0))
     if design.wind_m_s or design.gusts[0]:

@@ -165,6 +165,8 @@ class Concealed:
     places : rotors that a name acts at, by name.
     parameters : true parameters, by name.
     note : remark beside the truth.
+    laws : of what no library has: ``channel``, ``powers`` of speeds and rates in SI units, and
+        ``coefficient_SI``.
     heavier : whether the vehicle is heavier than its file states. A payload is then as right as a
         loss of thrust.
     """
@@ -178,6 +180,7 @@ class Concealed:
     places: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     note: str = ""
+    laws: tuple[Mapping[str, Any], ...] = ()
     heavier: bool = False
 
     def truth(self) -> dict[str, Any]:
@@ -194,6 +197,7 @@ class Concealed:
             "also_acceptable": self._other(),
             "category": self.category or CATEGORY_OF_SIZE[min(len(self.names), 3)],
             "note": self.note,
+            "laws": [dict(law) for law in self.laws],
         }
 
     def _findings(self, names: Iterable[str]) -> list[dict[str, Any]]:

@@ -25,6 +25,7 @@ from ges.diagnose.locate.laws import (
     sparse_form,
     term_columns,
 )
+from ges.diagnose.locate.regimes import least_rms
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import make_regression, whiten_system
@@ -97,6 +98,7 @@ def add_laws(
             for t in terms
             if abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
             and t.channel not in overdone
+            and _matters(t, fitted)
         ]
         if len(clear) == len(terms):
             break
@@ -162,6 +164,19 @@ def rival_laws(explanation: Explanation) -> dict[str, RivalLaw]:
             len(explanation.accepted.result.inclusion),
         )
     return rivals
+
+
+def _matters(term: Term, fitted: Fitted) -> bool:
+    """Return whether a term is above the practical significance threshold of its channel."""
+    system = fitted.regression.system
+    columns = term_columns([term], system, system.model)
+    rms = np.sqrt(
+        np.mean(
+            np.concatenate([x[r.air] for x, r in zip(columns, system.flights, strict=True)]) ** 2
+        )
+    )
+    size = abs(fitted.effects[LAW][term.key]) * rms
+    return size >= least_rms(block_of(term.channel), system.model.reference_scale(term.channel))
 
 
 def _overdone(

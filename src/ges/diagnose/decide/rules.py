@@ -420,7 +420,5 @@ def open_names(result: SearchResult, names: set[str], contested: set[str]) -> tu
     ranked = sorted(open_names, key=lambda n: (-result.inclusion.get(n, 0.0), n))
     # a credible set: the most probable names that hold the probability of an acceptance together
     share = np.cumsum([result.inclusion.get(n, 0.0) for n in ranked])
-    count = 1 + int(
-        np.searchsorted(share, settings.statistics.acceptance_probability * share[-1])
-    )
+    count = 1 + int(np.searchsorted(share, settings.statistics.acceptance_probability * share[-1]))
     return tuple(n for i, n in enumerate(ranked) if i < max(count, 2) or n in contested)
