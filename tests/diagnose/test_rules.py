@@ -54,7 +54,8 @@ def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:
 def _weighed(found, names, sizes=(), effects=(), flights=(), monkeypatch=None):
     """The context of the rules; ``sizes`` by name and block."""
     model = SimpleNamespace(effects=dict.fromkeys(effects, {}))
-    regression = SimpleNamespace(system=SimpleNamespace(model=model, flights=flights))
+    system = SimpleNamespace(model=model, flights=flights, recordings=[hovering()])
+    regression = SimpleNamespace(system=system)
     if monkeypatch:
         sizes = dict(sizes)
         monkeypatch.setattr(

@@ -18,7 +18,6 @@ from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS
 from ges.diagnose.estimate.fit import fitted_model
-from ges.diagnose.locate.laws import RivalLaw
 from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.prepare.problem import Recordings, pose_problem
 from ges.diagnose.prove.proof import prove
@@ -109,10 +108,9 @@ def diagnose(
         explanation, unexplained, start, nominal, record
     )
     named = explanation.last.model
-    rivals: dict[str, RivalLaw] = {}
+    rivals = {} if names else rival_laws(explanation)
     laws: list[FittedLaw] = []
     if names is None:
-        rivals = rival_laws(explanation)
         explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
     # an open cause may move the numbers that it is confused with: those are not the file's fault
     excused = {*explanation.accepted.rivals, *(shift.may_move if shift else ())}

@@ -195,8 +195,8 @@ def _strange_wrench(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return force (N) and moment (N m) that no library has, in the body frame.
 
-    - ``skew`` (N s/m): a frame that is not symmetric pushes sideways as it flies forward, an entry
-      off the diagonal of its drag tensor (Happel and Brenner 1983, *Low Reynolds Number
+    - ``skew`` (N s/m): a frame that is not symmetric pushes sideways as it flies forward. Its drag
+      tensor has an entry off the diagonal (Happel and Brenner 1983, *Low Reynolds Number
       Hydrodynamics*, ch. 5).
     - ``plate`` (N s^2/m^2): a deck at a small incidence lifts with the square of forward speed, and
       pushes down in backward flight (Anderson 2017, *Fundamentals of Aerodynamics*, sec. 4.7).

@@ -210,7 +210,9 @@ def _contested_names(context: RuleContext, record: Record) -> set[str]:
         for d in record.of(name)
         if d.rule == "distinguishable" and not d.passed
     ]
-    others = {n: [a.name for a in context.alike(n)] for n in undone}
+    others = {
+        n: [*(a.name for a in context.alike(n)), *context.untestable_rivals(n)] for n in undone
+    }
     return {
         n for name in undone for n in (name, *rivals_nearly_as_good(result, name), *others[name])
     }
@@ -445,7 +447,9 @@ def fit_alternatives(accepted: Accepted, record: Record) -> Accepted:
     -------
     Without open names whose fit is neutral, if two others are left.
     """
-    attempts = {name: _fit_with_rival(accepted, name) for name in accepted.rivals}
+    # what these flights cannot show has no column to fit
+    shown = [name for name in accepted.rivals if name in accepted.result.inclusion]
+    attempts = {name: _fit_with_rival(accepted, name) for name in shown}
     fits = {
         name: fitted
         for name, fitted in attempts.items()

@@ -16,6 +16,7 @@ from ges.diagnose.design.whiten import estimate_noise
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit, pinned_priors
 from ges.diagnose.library.candidates import Variant, amplitude_of
+from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
 from ges.diagnose.locate.laws import (
     RivalLaw,
     SparseForm,
@@ -210,8 +211,11 @@ def _response_structures(
     unexplained: Sequence[Structure], explanation: Explanation
 ) -> dict[str, Structure]:
     """Return channels of laws with structure; a size depends on what has another sign elsewhere."""
-    main, by_channel = explanation.last.regression.system.main, {}
-    for channel in CHANNELS:
+    system, by_channel = explanation.last.regression.system, {}
+    main = system.main
+    # what stands for a drag that cannot be tested would be told as a law
+    drags = untestable_drags(system.recordings, system.model)
+    for channel in (c for c in CHANNELS if not (drags and c in SIDEWAYS)):
         kind, axis = channel.split("_")
         responses = [f"{k}_{axis}" for k in RESPONSES[kind] if f"{k}_{axis}" in main]
         structures = [s for name in responses for s in unexplained if s.channel == name]

@@ -13,14 +13,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from ges.conventions import QUATERNION
 from ges.diagnose.decide.sizes import relative_sizes, unlike_form_error
-from ges.diagnose.design.system import variant_of
+from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import amplitude_of, family_of, has_prerequisite
+from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
 from ges.diagnose.select.alike import Alike, alike_of
-from ges.diagnose.select.evidence import Regression
+from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
@@ -83,6 +85,32 @@ class RuleContext:
             if a.name == name or a.name not in family_of(name)
         )
 
+    def untestable_rivals(self, name: str) -> dict[str, str]:
+        """Return drags that may do what a name does, and that these flights cannot show.
+
+        Parameters
+        ----------
+        name : of the best set.
+
+        Returns
+        -------
+        What would have to be logged, by drag. Empty for a name that does not mainly push sideways,
+        and for one that pushes more than the vehicle leans: flown steadily, drag is what leaning
+        holds.
+        """
+        system = self.regression.system
+        drags = untestable_drags(system.recordings, system.model)
+        if not drags:
+            return {}
+        pushes = contribution_of(self.result.best.posterior, {name}, system)
+        scales = [system.model.reference_scale(n) for n in system.main]
+        shares = np.sqrt(np.mean(np.nan_to_num(pushes) ** 2, axis=0)) / scales
+        most = int(np.argmax(shares))
+        sideways = {f"{kind}_{n[-1]}" for kind in ("force", "acc") for n in SIDEWAYS}
+        if system.main[most] not in sideways or shares[most] > _lean(system):
+            return {}
+        return drags
+
     def on(self) -> set[str]:
         """Return the passing names and the effects of the model.
 
@@ -91,6 +119,15 @@ class RuleContext:
         Their names.
         """
         return {*self.passing, *self.regression.system.model.effects}
+
+
+def _lean(system: System) -> float:
+    """Return the rms share of the weight that lies across the thrust axis, as the vehicle leans."""
+    # third diagonal entry of the rotation: cosine of the angle between thrust axis and vertical
+    x, y = (
+        np.concatenate([f.columns[q][f.flying] for f in system.recordings]) for q in QUATERNION[1:3]
+    )
+    return float(np.sqrt(np.mean(1.0 - (1.0 - 2.0 * (x**2 + y**2)) ** 2)))
 
 
 Rule = Callable[[RuleContext, str], Decision]
@@ -174,6 +211,9 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
     name : to decide on.
     """
     rival, others = best_rival(context.result, name), rivals_nearly_as_good(context.result, name)
+    for drag, reason in context.untestable_rivals(name).items():
+        because = f"{drag} may do it, and cannot be tested here: it {reason}"
+        return Decision("distinguishable", False, because)
     alike = next((a for a in context.alike(name) if a.name != name), None)
     if alike is not None:
         lead, least = alike.expected_log_odds, settings.statistics.acceptance_log_odds

@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ges.conventions import SPECIFIC_FORCE
 from ges.diagnose.prepare.align import Prepared, attitude_measured
-from ges.diagnose.prepare.channels import channels
+from ges.diagnose.prepare.channels import FORCE, channels
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
 Flights = Sequence[Prepared]
+SIDEWAYS = FORCE[:2]
+"""Channels in which drag acts."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,6 +122,29 @@ def first_unmet(needs: Iterable[str], flights: Flights, model: Model) -> str:
     """
     requirements = (REQUIREMENTS[need] for need in needs)
     return next((r.message for r in requirements if not r.is_met(flights, model)), "")
+
+
+def untestable_drags(flights: Flights, model: Model) -> dict[str, str]:
+    """Return the drags that these flights cannot show, each with what would have to be logged.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    model : of the vehicle.
+
+    Notes
+    -----
+    Every multirotor has one. Whatever else pushes sideways has to be told from it.
+    """
+    drags = (
+        name
+        for name, effect in effect_table.table().items()
+        if {"velocity"} <= set(effect.needs)
+        and set(SIDEWAYS) <= set(effect.channels) <= set(FORCE)
+        and not (effect.prerequisites or effect.settled)
+    )
+    reasons = {name: unmet_requirement(name, flights, model) for name in drags}
+    return {name: reason for name, reason in reasons.items() if reason}
 
 
 def needs_attitude(name: str) -> bool:

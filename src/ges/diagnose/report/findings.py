@@ -253,8 +253,9 @@ def open_findings(accepted: Accepted) -> list[Finding]:
 def _open_finding(accepted: Accepted, name: str) -> Finding:
     fitted, inclusion = accepted.alternatives.get(name), accepted.result.inclusion
     # one of them is needed: a set that has two makes neither surer than the other lets it be
+    # what cannot be tested is as likely as any of them
     chance = calibrated_probability(
-        inclusion[name] / max(1.0, sum(inclusion[n] for n in accepted.rivals))
+        inclusion.get(name, 1.0) / max(1.0, sum(inclusion.get(n, 1.0) for n in accepted.rivals))
     )
     # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
@@ -272,7 +273,9 @@ def _open_finding(accepted: Accepted, name: str) -> Finding:
 
 
 def _search_estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
-    """Return parameters of one name from the search."""
+    """Return parameters of one name from the search; none of what these flights cannot show."""
+    if name not in accepted.result.inclusion:
+        return {}
     posterior = accepted.result.best_with(name, accepted.rivals).posterior
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates: dict[str, Estimate] = {}

@@ -273,6 +273,10 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
     rivals = [f for f in content["findings"] if f["open"]]
     advised = content["next_flight"].get("manoeuvre")
     tells = f"flying {plain(advised)} would tell" if advised else ""
+    # what cannot be tested in these flights cannot be in others that are logged as they are
+    reasons = (content["not_tested"].get(f["name"]) for f in rivals)
+    if missing := next(filter(None, reasons), ""):
+        tells = f"{missing.removeprefix('needs ')} would tell"
     # first to go is a third name, then the advised flight, then the sizes: the page has them all
     for most, sized, clause in (
         *((m, True, tells) for m in range(MOST_NAMES, 1, -1)),
