@@ -55,7 +55,6 @@
   C(GES_OWN_LEVER, "own_lever")                 /* its moments have a coefficient of their own: their lever is not known */ \
   C(GES_LEVER_OF_CARRIER, "lever_of_carrier")   /* it is that coefficient, of the effect that it modifies */            \
   C(GES_CLIPS, "clips")                         /* a share of its step says nothing of it */                            \
-  C(GES_UNLIKE_FORM_ERROR, "unlike_form_error") /* does not look like what the form of a larger effect is wrong by */   \
   C(GES_RANDOM, "random")                       /* another one in every flight: a vehicle file does not know which */   \
   C(GES_READS_VOLTAGE, "reads_voltage")                                                                                 \
   C(GES_MANY, "many")                           /* a vehicle that has one may have more of it */
@@ -152,8 +151,6 @@ typedef struct {
   F(words, needs)       /* what has to be recorded (ges.diagnose.library.requirements) */                               \
   F(words, through)     /* effects of which one has to be on for this one to act */                                     \
   F(text, family)       /* effects of one family act in one place */                                                    \
-  F(text, usual_beside) /* what is there as a rule, and looks like this one */                                          \
-  F(text, error_of)     /* the larger effect whose form may be wrong by what looks like this one */                     \
   F(text, settled)      /* why it enters no search */                                                                   \
   F(levels, carried)    /* levels at which it is tried together with what it modifies */
 

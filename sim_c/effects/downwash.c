@@ -44,7 +44,6 @@ EFFECT(downwash) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "height",
     .rarity = 0.1,
-    .error_of = "wind",
     .search =
         {
          {.amplitudes = "force_N", .rule = "over_places", .levels = LEVELS(5), .fixed = {{"spread", 0}},

@@ -32,7 +32,6 @@ EFFECT(ground_effect_forward_flight) = {
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_THRUST_GAIN,
     .needs = "height velocity",
-    .hints = GES_UNLIKE_FORM_ERROR,
     .carried = LEVELS(1, 2.7),
     .search =
         {

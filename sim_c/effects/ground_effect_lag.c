@@ -37,7 +37,6 @@ EFFECT(ground_effect_lag) = {
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_THRUST_GAIN,
     .needs = "height",
-    .hints = GES_UNLIKE_FORM_ERROR,
     .carried = LEVELS(4),
     .search =
         {

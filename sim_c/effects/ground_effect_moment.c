@@ -30,6 +30,6 @@ EFFECT(ground_effect_moment) = {
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_NONE,
     .needs = "height",
-    .hints = GES_LEVER_OF_CARRIER | GES_UNLIKE_FORM_ERROR,
+    .hints = GES_LEVER_OF_CARRIER,
     .ground = ground,
 };

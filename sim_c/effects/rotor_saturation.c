@@ -24,7 +24,6 @@ EFFECT(rotor_saturation) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "attitude",
     .hints = GES_CLIPS,
-    .error_of = "thrust_curve",
     .search =
         {
          {.amplitudes = "share", .rule = "asked", .levels = LEVELS(0.1, 0.4, 0.7)},

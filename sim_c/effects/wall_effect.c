@@ -31,7 +31,6 @@ EFFECT(wall_effect) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "attitude height",
     .rarity = 0.1,
-    .error_of = "wind",
     .search =
         {
          {.amplitudes = "c", .rule = "beside", .axis = "distance_m bearing_rad"},

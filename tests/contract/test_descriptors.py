@@ -20,7 +20,7 @@ each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 @each
 def test_what_it_refers_to_exists(effect):
     names = set(effects.table())
-    others = (effect.error_of, effect.usual_beside, effect.modifies)
+    others = (effect.modifies,)
     assert {*filter(None, others), *effect.through} <= names
     assert set(effect.needs) <= set(REQUIREMENTS)
     assert {s.rule for s in effect.searches} <= set(RULES)

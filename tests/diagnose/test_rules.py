@@ -13,7 +13,6 @@ from ges.diagnose.decide.rules import (
     apply_rules,
     distinguishable,
     has_its_prerequisite,
-    large_enough,
     probable,
     replaced_names,
     rivals_nearly_as_good,
@@ -51,16 +50,10 @@ def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:
     )
 
 
-def _weighed(found, names, sizes=(), effects=(), flights=(), monkeypatch=None):
-    """The context of the rules; ``sizes`` by name and block."""
+def _weighed(found, names, effects=(), flights=()):
     model = SimpleNamespace(effects=dict.fromkeys(effects, {}))
     system = SimpleNamespace(model=model, flights=flights, recordings=[hovering()])
     regression = SimpleNamespace(system=system)
-    if monkeypatch:
-        sizes = dict(sizes)
-        monkeypatch.setattr(
-            rules, "relative_sizes", lambda regression, best, place: sizes[min(place)]
-        )
     return RuleContext(regression, found, tuple(names))
 
 
@@ -80,11 +73,9 @@ def test_a_name_has_to_be_probable_and_in_the_best_set(p, best, passed):
     )
 
 
-def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name(monkeypatch):
+def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name():
     found, record = _search({("rotor_drag",): 50.0, ("wind",): 49.0}), Record()
-    weighed = _weighed(
-        found, ("rotor_drag", "wind"), {"rotor_drag": {"force": 9.0}}, monkeypatch=monkeypatch
-    )
+    weighed = _weighed(found, ("rotor_drag", "wind"))
     assert _told(weighed, record) == ()
     assert [d.rule for d in record.of("wind")] == ["probable"]
     drag = record.of("rotor_drag")
@@ -101,16 +92,6 @@ def test_what_acts_through_another_needs_one_that_is_on():
     for effects, passed in (((), False), (("ground_effect",), True)):
         weighed = _weighed(found, ("ground_effect_lag",), effects=effects)
         assert has_its_prerequisite(weighed, "ground_effect_lag").passed == passed
-
-
-@pytest.mark.parametrize(("size", "passed"), [(1.1, True), (0.9, False)])
-def test_a_name_has_to_make_more_than_no_model_is_right_to(size, passed, monkeypatch):
-    found = _search({("rotor_drag",): 50.0})
-    weighed = _weighed(
-        found, ("rotor_drag",), {"rotor_drag": {"force": size}}, monkeypatch=monkeypatch
-    )
-    decision = large_enough(weighed, "rotor_drag")
-    assert decision.passed == passed and decision.statistic == size
 
 
 def test_a_set_that_adds_no_other_name_is_no_rival():
@@ -148,23 +129,6 @@ def test_a_declared_number_that_is_rarely_wrong_is_a_rival_where_the_flights_do_
         {("thrust_curve",): 20.0, ("thrust_scale",): 20.0 - behind + log_rarity(["thrust_scale"])}
     )
     assert rivals_nearly_as_good(found, "thrust_curve") == replaced
-
-
-def test_a_fountain_is_told_from_the_cushion_that_is_always_there_by_more():
-    found = _search({("fountain_lift",): 20.0, ("ground_effect",): 16.5})
-    assert rivals_nearly_as_good(found, "fountain_lift") == ("ground_effect",)
-    assert (
-        rivals_nearly_as_good(
-            _search({("fountain_lift",): 20.0, ("ground_effect",): 15.0}), "fountain_lift"
-        )
-        == ()
-    )
-    assert (
-        rivals_nearly_as_good(
-            _search({("ground_effect",): 20.0, ("fountain_lift",): 16.5}), "ground_effect"
-        )
-        == ()
-    )
 
 
 def test_one_of_a_family_is_contested_that_the_other_explains_as_well_alone():
@@ -250,31 +214,15 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
     assert significant(fitted, "wind").passed == bool(blows)
 
 
-def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
+def test_what_makes_less_than_no_model_is_right_to_does_not_matter():
     def matters(name, channel, share):
         size = {"channel": channel, "share_of_weight": share}
         return practically_significant(name, size, Model({}), Record())
 
-    assert matters("ground_effect_lag", "force_z", 0.001)
-    assert not matters("partial_ground_effect", "force_z", 0.001)
-    assert not matters("ground_effect_lag", "force_z", 0.0007)
+    least = settings.decide.least_force_share
+    assert matters("ground_effect", "force_z", least)
+    assert not matters("ground_effect", "force_z", 0.9 * least)
     assert not matters("ground_effect", "", 1.0)
-
-
-@pytest.mark.parametrize(
-    ("name", "probability", "told"),
-    [
-        ("ground_effect_moment", 0.9995, True),
-        ("ground_effect_lag", 0.9995, True),
-        ("ground_effect_lag", 0.99, False),
-        ("partial_ground_effect", 0.9995, False),
-    ],
-)
-def test_and_is_told_if_it_is_as_good_as_certain(name, probability, told, monkeypatch):
-    found = dataclasses.replace(_search({(name,): 0.0}), inclusion={name: probability})
-    sizes = {name: {"moment": 0.7}}
-    weighed = _weighed(found, (name,), sizes, ("ground_effect",), monkeypatch=monkeypatch)
-    assert (name in _told(weighed)) == told
 
 
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):

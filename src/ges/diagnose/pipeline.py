@@ -107,8 +107,7 @@ def diagnose(
     explanation, unexplained = refit_with_open_names(
         explanation, unexplained, start, nominal, record
     )
-    named = explanation.last.model
-    rivals = {} if names else rival_laws(explanation)
+    named, rivals = explanation.last.model, {} if names else rival_laws(explanation)
     laws: list[FittedLaw] = []
     if names is None:
         explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)

@@ -167,7 +167,7 @@ class StatisticsSettings:
     )
     certain_probability: float = probability(
         0.999,
-        "What may be an error of a larger effect's form is told from this probability on.",
+        "What is as good as certain; what is left of one is negligible.",
         Convention("a thousand to one; not measured against other odds"),
     )
     chance: float = probability(
@@ -751,9 +751,8 @@ class DecideSettings:
     form_margin: float = number(
         2.0,
         "",
-        "How much larger a structure has to be, how much smaller and less clear"
-        " what is unlike the error of a form may be.",
-        Convention("what acts through time or speed is no error of a form; not measured"),
+        "How much more than what no model is right to a structure has to be.",
+        Convention("no form is perfect; not measured"),
         low=1.0,
     )
     still_air_m_s: float = number(

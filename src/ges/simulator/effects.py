@@ -165,8 +165,6 @@ class Effect:
     needs : streams that must be recorded.
     through : prerequisite effects, of which one must be on for this one to act.
     family : effects of one family act in the same place; its own name if it has none.
-    usual_beside : what is usually present and looks like this one.
-    error_of : larger effect whose form may be wrong by what looks like this one.
     settled : why it enters no search; '' where it does.
     carried : levels at which it is tried together with what it modifies.
     searches : its variants; empty for all amplitudes together.
@@ -190,8 +188,6 @@ class Effect:
     needs: tuple[str, ...]
     through: tuple[str, ...]
     family: str
-    usual_beside: str
-    error_of: str
     settled: str
     carried: tuple[float, ...]
     searches: tuple[SearchHints, ...]
@@ -414,8 +410,6 @@ def _law() -> Effect:
         needs=(),
         through=(),
         family=laws.LAW,
-        usual_beside="",
-        error_of="",
         settled="",
         carried=(),
         searches=(),

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,7 +94,7 @@ def test_a_wind_over_rough_ground_is_slower_below(height_m):
     assert rough == pytest.approx(5.0 * share, rel=0.05)
 
 
-GUSTS = Gusts(5.0, 0.1, 0.4, 0.3, 9.8, 1e-4)
+GUSTS = Gusts(5.0, 0.1, 0.3, 9.8, 1e-4)
 
 
 def test_a_strength_is_known_by_a_factor():
@@ -104,15 +103,6 @@ def test_a_strength_is_known_by_a_factor():
     told = GUSTS.finding()
     assert told.size["share_of_weight"] == pytest.approx(0.3 / 9.8) and told.name == "gusts"
     assert told.parameters["wind_20ft_m_s"].value == 5.0
-
-
-@pytest.mark.parametrize(("east_m_s", "may"), [(1.0, True), (2.0, False)])
-def test_a_mean_wind_within_what_gusts_leave_may_be_one(east_m_s, may):
-    """Three times what gusts so strong leave and the fit doubts: 3 sqrt(0.4^2 + 0.3^2)."""
-    wind = {"wind": {"east_m_s": east_m_s, "north_m_s": 0.0, "roughness_m": 0.0}}
-    regression = SimpleNamespace(system=build([hovering()], MODEL, []))
-    fitted = SimpleNamespace(sd=lambda effect, parameter: 0.3, effects=wind, regression=regression)
-    assert GUSTS.may_explain_wind(fitted) == may
 
 
 def test_what_hangs_below_may_lean_to_push_by_a_share_of_its_pull():

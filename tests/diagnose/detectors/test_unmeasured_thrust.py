@@ -113,16 +113,6 @@ def test_no_curve_bends_further_than_the_library_flies():
     assert told == pytest.approx(0.3), "about what the file has"
 
 
-@pytest.mark.parametrize("share", [0.9, 1.1])
-def test_what_the_form_of_a_curve_is_wrong_by_is_known_by_its_size(share):
-    curve = _unmeasured(CURVE, 0.3)
-    size_N = share * settings.estimate.form_error * 0.3 * 5.0
-    size = {"value": size_N, "channel": "force_z"}
-    assert curve.is_form_error("rotor_saturation", size) == (share < 1.0)
-    assert not curve.is_form_error("rotor_drag", size)
-    assert not _unmeasured(SCALE, 0.3).is_form_error("rotor_saturation", size)
-
-
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     pose = Delay("attitude", 0.04, 0.002, 0.9)
     gyro = np.array([0.03, 0.0, -0.04]), np.array([0.001, 0.001, 0.002])

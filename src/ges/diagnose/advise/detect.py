@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from ges.diagnose.decide.rules import required_lead
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import DesignColumn, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
@@ -182,8 +181,7 @@ def _detectable_size(
     worst, hidden = _size_exceeding(price + rarity, shown), ""
     for other in (s for s in others if s.name != shape.name):
         # against a rival: it takes up a part of the gain, and pays for its own freedom
-        more = required_lead(shape.name, (other.name,)) - settings.statistics.acceptance_log_odds
-        size = _size_exceeding(price + more - other.cost, gain - float(other.gain[truth]))
+        size = _size_exceeding(price - other.cost, gain - float(other.gain[truth]))
         if size > worst:
             worst, hidden = size, other.name
     return worst, hidden

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ges.conventions import QUATERNION
-from ges.diagnose.decide.sizes import relative_sizes, unlike_form_error
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
@@ -51,23 +50,6 @@ class RuleContext:
         """Names of the best set that are probable, whatever else speaks against them."""
         best, least = self.result.best.names, settings.statistics.acceptance_probability
         return tuple(n for n in best if self.result.inclusion[n] >= least)
-
-    @functools.cached_property
-    def shares(self) -> Mapping[str, Mapping[str, float]]:
-        """Size of each passing name in its place, by block, over its threshold."""
-        places = {n: replaced_names(self.result, n, self.probable) for n in self.passing}
-        return {
-            n: relative_sizes(self.regression, self.result.best, p) for n, p in places.items() if p
-        }
-
-    def size(self, name: str) -> float:
-        """Return the largest share of a passing name.
-
-        Parameters
-        ----------
-        name : of the effect.
-        """
-        return max(self.shares[name].values())
 
     def alike(self, name: str) -> tuple[Alike, ...]:
         """Return what these flights cannot separate from a name, without others of its family.
@@ -164,31 +146,6 @@ def best_of_its_family(context: RuleContext, name: str) -> Decision:
     return Decision("best_of_its_family", better == name, because)
 
 
-def large_enough(context: RuleContext, name: str) -> Decision:
-    """Accept names above the practical significance threshold.
-
-    Parameters
-    ----------
-    context : of the search.
-    name : to decide on.
-
-    Notes
-    -----
-    A prerequisite is as large as what acts through it.
-    """
-    size = context.size(name)
-    sure = context.result.inclusion[name] >= settings.statistics.certain_probability
-    least = 1.0 / settings.decide.form_margin if sure and unlike_form_error(name) else 1.0
-    is_prerequisite = any(
-        context.size(n) >= 1.0 and name in effect_table.get(n).prerequisites
-        for n in context.passing
-    )
-    because = f"{size:.3g} times what no model is right to" + (
-        ", and carries" if is_prerequisite else ""
-    )
-    return Decision("large_enough", size >= least or is_prerequisite, because, size, least)
-
-
 def has_its_prerequisite(context: RuleContext, name: str) -> Decision:
     """Accept names that need no prerequisite, or have one that is on.
 
@@ -221,7 +178,7 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
         return Decision("distinguishable", False, because, lead, least)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
-    lead, least = _lead(context.result, name, rival), required_lead(name, rival.names)
+    lead, least = _lead(context.result, name, rival), settings.statistics.acceptance_log_odds
     because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
     return Decision("distinguishable", not others, because, lead, least)
 
@@ -256,7 +213,6 @@ def separable_from_mass(context: RuleContext, name: str) -> Decision:
 SEARCH_RULES: tuple[Rule, ...] = (
     probable,
     best_of_its_family,
-    large_enough,
     has_its_prerequisite,
     distinguishable,
     separable_from_mass,
@@ -355,26 +311,10 @@ def rivals_nearly_as_good(result: SearchResult, name: str) -> tuple[str, ...]:
     rival = best_rival(result, name)
     if name not in result.best.names or rival is None:
         return ()
-    if _lead(result, name, rival) > required_lead(name, rival.names):
+    if _lead(result, name, rival) > settings.statistics.acceptance_log_odds:
         return ()
     best = _alone(result, name) or result.best
     return tuple(n for n in rival.names if n not in best.names)
-
-
-def required_lead(name: str, others: Sequence[str]) -> float:
-    """Return the log odds by which a name must lead others in its place.
-
-    Parameters
-    ----------
-    name : of the effect.
-    others : in its place.
-
-    Returns
-    -------
-    Those of an acceptance, twice as many over its usual companion.
-    """
-    usual = effect_table.get(name).usual_beside in others
-    return (2.0 if usual else 1.0) * settings.statistics.acceptance_log_odds
 
 
 def significant(fitted: Fitted, name: str) -> Decision:
@@ -396,10 +336,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
-    least = settings.statistics.clear_sds
-    if unlike_form_error(name):
-        least /= settings.decide.form_margin
-    farthest = 0.0
+    least, farthest = settings.statistics.clear_sds, 0.0
     priors = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)

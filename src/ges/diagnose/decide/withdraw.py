@@ -16,20 +16,18 @@ from ges.diagnose.decide.accept import (
     accept,
     fit_along_rollouts,
     fit_alternatives,
-    without_name,
 )
-from ges.diagnose.decide.predict import drop_unpredictive
-from ges.diagnose.decide.sizes import least_size
 from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
-from ges.diagnose.detectors.gusts import HANGING, PUSHED, WIND, Gusts, find_gusts, load_may_push
+from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
-from ges.diagnose.estimate.contributions import contributions, size_of_contribution
-from ges.diagnose.estimate.fit import Fitted, fitted_model
+from ges.diagnose.estimate.contributions import contributions
+from ges.diagnose.estimate.fit import fitted_model
+from ges.diagnose.locate.regimes import least_rms
 from ges.diagnose.locate.stages import Stage, Start, make_stage
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, Record
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,17 +68,8 @@ def explain_flights(
     only : fit exactly these names, whatever speaks against them.
     """
     accepted = accept(start.first.regression, record, only)
-    if only is None:
-        accepted = drop_unpredictive(accepted, record)
     gusts = _gusts(accepted, start, nominal_gusts)
-    if gusts and only is None and WIND in accepted.names:
-        decision = _more_than_gusts(gusts, accepted.fit)
-        record.note(WIND, decision)
-        accepted = accepted if decision.passed else without_name(accepted, WIND)
-    explanation = explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
-    if only is not None:
-        return explanation
-    return _without_form_errors(explanation, start, nominal, record)
+    return explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
 
 
 def explanation_of(
@@ -123,30 +112,6 @@ def _gusts(
     hanging = [name for name in accepted.names if name in HANGING]
     pulls = contributions(fitted, hanging, start.system.model)
     return None if load_may_push(gusts.force_N, pulls, start.system) else gusts
-
-
-def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
-    """Return whether the wind of a fit is more than gusts leave in flights of finite length."""
-    may_be_gusts = gusts.may_explain_wind(fitted)
-    because = "no more than gusts leave" if may_be_gusts else "more than gusts leave"
-    return Decision("more_than_gusts", not may_be_gusts, because)
-
-
-def _without_form_errors(
-    explanation: Explanation, start: Start, nominal: Model, record: Record
-) -> Explanation:
-    """Drop names that may be a form error of an unmeasured thrust curve."""
-    accepted, thrust = explanation.accepted, thrust_of(explanation, start.system)
-    if thrust is None:
-        return explanation
-    for name, contribution in explanation.contributions.items():
-        if thrust.is_form_error(name, size_of_contribution(contribution, start.system)):
-            because = "the form of the thrust curve that is needed may be wrong by as much"
-            record.note(name, Decision("not_form_of_unmeasured_thrust", False, because))
-            accepted = without_name(accepted, name)
-    if accepted is explanation.accepted:
-        return explanation
-    return explanation_of(accepted, explanation.gusts, start, nominal)
 
 
 def thrust_of(explanation: Explanation, system: System) -> UnmeasuredThrust | None:
@@ -214,15 +179,6 @@ def refit_with_open_names(
     if not explanation.accepted.rivals:
         return explanation, unexplained
     accepted = fit_alternatives(explanation.accepted, record)
-    wind = accepted.alternatives.get(WIND)
-    if (
-        explanation.gusts
-        and wind
-        and not (decision := _more_than_gusts(explanation.gusts, wind)).passed
-    ):
-        record.note(WIND, decision)
-        idle = dataclasses.replace(explanation.accepted, rivals=())
-        return dataclasses.replace(explanation, accepted=idle), unexplained
     refitted = explanation_of(accepted, explanation.gusts, start, nominal)
     return refitted, unexplained_structures(refitted.structures, refitted.last.model)
 
@@ -238,7 +194,7 @@ def practically_significant(name: str, size: Mapping, model: Model, record: Reco
     record : gets the decision.
     """
     channel, share = size["channel"], size["share_of_weight"]
-    least = least_size(name, channel, model) / model.reference_scale(channel) if channel else None
+    least = least_rms(block_of(channel), 1.0) if channel else None
     passed = bool(channel) and share >= least
     because = f"{100.0 * share:.2g} % of the whole in {channel}" if channel else "shows nowhere"
     record.note(name, Decision("practically_significant", passed, because, share, least))

@@ -13,7 +13,6 @@ along the same flights and averaged in the same way.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,7 +21,7 @@ from scipy.special import fdtrc
 from ges.conventions import SDS_95
 from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
-from ges.diagnose.estimate.fit import Fitted, JointFit, raw_residuals
+from ges.diagnose.estimate.fit import JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.probability import calibrated_probability
@@ -47,7 +46,6 @@ class Gusts:
     ----------
     strength_m_s : parameter of the compiled effect.
     relative_sd : relative standard deviation of the strength.
-    mean_sd_m_s : sd of the mean wind that gusts so strong leave over all flights.
     force_N : their rms force.
     weight_N : of the vehicle.
     chance : probability that noise alone scatters so.
@@ -55,21 +53,9 @@ class Gusts:
 
     strength_m_s: float
     relative_sd: float
-    mean_sd_m_s: float
     force_N: float
     weight_N: float
     chance: float
-
-    def may_explain_wind(self, fitted: Fitted) -> bool:
-        """Return whether gusts like these may leave the mean wind of a fit.
-
-        Parameters
-        ----------
-        fitted : fit with a wind.
-        """
-        sd_m_s = max(fitted.sd("wind", p) for p in AXES)
-        most_m_s = settings.statistics.clear_sds * math.hypot(self.mean_sd_m_s, sd_m_s)
-        return wind_speed_m_s(fitted.regression.system, "wind", fitted.effects["wind"]) < most_m_s
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -337,13 +323,11 @@ def _gusts_of_excess(
     )
     # wind goes with the strength, its variance with the square: hence a root, and half the error
     strength = float(np.sqrt(excess / variances.mean()))
-    spread = float(np.std([wind.mean(axis=0) for wind in winds]))
     # both axes blow independently: squares of what each pushes add up
     push_2 = np.concatenate([(f.force_per_wind**2).sum(axis=2) for f in forces]).mean()
     return Gusts(
         strength,
         0.5 * float(variances.std() / variances.mean()),
-        strength * spread,
         float(np.sqrt(excess * push_2)),
         model.weight_N,
         chance,

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
-from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Estimate, Finding, interval95
 from ges.diagnose.types.keys import ParameterKey
@@ -58,24 +57,6 @@ class UnmeasuredThrust:
     def may_move(self) -> frozenset[str]:
         """Effects whose nominal parameters the rivals can move, and the top speed."""
         return frozenset({*self.rivals, ParameterKey.of(SPEED).effect})
-
-    def is_form_error(self, name: str, size: Mapping) -> bool:
-        """Return whether an effect may be a form error of the curve that is needed.
-
-        Parameters
-        ----------
-        name : of the effect.
-        size : of a finding.
-        """
-        if effect_table.get(name).error_of != ParameterKey.of(self.key).effect:
-            return False
-        column, channel = self.system.nuisances[self.key], self.system.main.index(size["channel"])
-        return (
-            size["value"]
-            < settings.estimate.form_error
-            * abs(self.excess.value)
-            * rms_of(self.system)[channel, column]
-        )
 
     def sentence(self) -> str:
         """Return how far the thrust is off, what would explain it, and how to find out."""

@@ -13,7 +13,7 @@ from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
 Flights = Sequence[Prepared]
-SIDEWAYS = FORCE[:2]
+SIDEWAYS = ("force_x", "force_y")
 """Channels in which drag acts."""
 
 

@@ -65,10 +65,15 @@ def all_findings(
     # shares make a force, a moment and a rotor speed comparable
     proven.sort(key=lambda f: -f.size["share_of_weight"])
     proven += [explanation.gusts.finding()] if explanation.gusts else []
-    # names that were given are reported whatever their size
+    # names that were given are reported whatever their size, and so are wrong numbers of the file:
+    # what they are wrong by is held against their prior sd
     if names_searched:
         model = explanation.last.model
-        proven = [f for f in proven if practically_significant(f.name, f.size, model, record)]
+        proven = [
+            f
+            for f in proven
+            if f.kind == "parameter" or practically_significant(f.name, f.size, model, record)
+        ]
     return [
         *proven,
         *gate_findings(gate, explanation.last.model.prior_sds),
