@@ -43,7 +43,7 @@ OPEN = _truth("cg_offset", verdict="ambiguous", also_acceptable=[["weak_rotor"]]
 
 
 @pytest.mark.parametrize(
-    ("truth", "said", "outcome", "wrong"),
+    ("truth", "diagnosis", "outcome", "wrong"),
     [
         (_truth("rotor_drag"), _said("rotor_drag"), "exact", ()),
         (_truth("rotor_drag"), NOTHING, "nothing", ()),
@@ -73,8 +73,8 @@ OPEN = _truth("cg_offset", verdict="ambiguous", also_acceptable=[["weak_rotor"]]
         (OPEN, NOTHING, "nothing", ()),
     ],
 )
-def test_outcomes(truth, said, outcome, wrong):
-    judged = judge("a", truth, said)
+def test_outcomes(truth, diagnosis, outcome, wrong):
+    judged = judge("a", truth, diagnosis)
     assert (judged.outcome, judged.wrong) == (outcome, wrong)
 
 
@@ -129,7 +129,7 @@ def test_location_counts():
         "rotor_drag",
         located=[{"channel": c} for c in ("acc_x", "force_x", "moment_x", "moment_z", "drive_2")],
     )
-    assert judge("a", truth, said).located == (1, 2, 1)
+    assert judge("a", truth, diagnosis).located == (1, 2, 1)
     assert score.f1(np.array([[1, 2, 1], [1, 0, 0]])) == pytest.approx(2 * 2 / (2 * 2 + 2 + 1))
 
 
@@ -254,13 +254,13 @@ def test_what_scoring_worked_out_is_kept_until_its_sources_change(proof, monkeyp
     seen, asked = oracle.witness(proof, case, truth), []
     monkeypatch.setattr(
         opened,
-        "told_the_truth",
+        "diagnose_true_names",
         lambda *_: asked.append(1) or {"detectable": {}, "sentence": "no part of it"},
     )
-    first, again = (opened.known(proof, case, truth, seen) for _ in range(2))
-    assert asked == [1] and first == again and again.told == {"detectable": {}}
+    first, again = (opened.open_case(proof, case, truth, seen) for _ in range(2))
+    assert asked == [1] and first == again and again.of_true_names == {"detectable": {}}
     monkeypatch.setattr(opened, "_made_of", lambda _: "other sources")
-    opened.known(proof, case, truth, seen)
+    opened.open_case(proof, case, truth, seen)
     assert asked == [1, 1]
     shutil.rmtree(proof / opened.KEPT)
 
@@ -279,7 +279,7 @@ def test_a_pair_is_above_its_limits_when_each_of_its_effects_is(proof, monkeypat
     )
     limits = iter((3.0, 2.0, 3.0, None))
     monkeypatch.setattr(opened, "_over_limit", lambda *_: next(limits))
-    monkeypatch.setattr(opened, "told_the_truth", lambda *_: {})
+    monkeypatch.setattr(opened, "diagnose_true_names", lambda *_: {})
     monkeypatch.setattr(oracle, "fit", lambda *_: oracle.Oracle({}, np.nan))
     assert [opened._work_out(proof, case, truth, None).over_limit for _ in range(2)] == [2.0, None]
 

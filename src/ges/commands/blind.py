@@ -183,12 +183,12 @@ def calibrate(folders: tuple[Path, ...]) -> None:
     from ges.blind.score.platt import fit, pairs
     from ges.diagnose.select.probability import uncalibrated_log_odds
 
-    told = pairs(folders)
+    stated = pairs(folders)
     # back to the search's own log odds: the correction in force would be fitted again
-    offset, slope = fit(np.array([uncalibrated_log_odds(p) for p in told[:, 0]]), told[:, 1])
+    offset, slope = fit(np.array([uncalibrated_log_odds(p) for p in stated[:, 0]]), stated[:, 1])
     click.echo(
         f"search.log_odds_offset={offset:.3g} search.log_odds_slope={slope:.3g}  #"
-        f" {len(told)} names, {told[:, 1].mean():.1%} true"
+        f" {len(stated)} names, {stated[:, 1].mean():.1%} true"
     )
 
 

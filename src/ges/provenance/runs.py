@@ -163,7 +163,7 @@ def run_id(config: Mapping[str, Any], code_sha256: str) -> str:
     return f"{config_hash(config)[:8]}-{code_sha256[:8]}"
 
 
-def _said(*command: str, cwd: Path | None = None) -> str:
+def _output_of(*command: str, cwd: Path | None = None) -> str:
     try:
         done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
@@ -182,8 +182,8 @@ def commit(root: Path) -> tuple[str, bool]:
     -------
     First 10 digits of the commit, or ``unknown``, and whether tracked files differ from it.
     """
-    found = _said("git", "rev-parse", "--short=10", "HEAD", cwd=root) or "unknown"
-    return found, bool(_said("git", "status", "--porcelain", "--untracked-files=no", cwd=root))
+    found = _output_of("git", "rev-parse", "--short=10", "HEAD", cwd=root) or "unknown"
+    return found, bool(_output_of("git", "status", "--porcelain", "--untracked-files=no", cwd=root))
 
 
 def _processor() -> str:
@@ -199,7 +199,7 @@ def _processor() -> str:
 
 def _environment() -> Environment:
     versions = {d.metadata["Name"].lower(): d.version for d in importlib.metadata.distributions()}
-    compiler = _said(*os.environ.get("CC", "cc").split(), "--version").partition("\n")[0]
+    compiler = _output_of(*os.environ.get("CC", "cc").split(), "--version").partition("\n")[0]
     return Environment(
         python=platform.python_version(),
         platform=f"{platform.system()} {platform.machine()}",
@@ -389,14 +389,14 @@ def load_manifest(path: Path) -> Manifest:
     try:
         return Manifest.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
-        said = (
+        problem = (
             error.errors()[0]
             if isinstance(error, ValidationError)
             else {"loc": (), "msg": str(error)}
         )
-        where = ".".join(map(str, said["loc"]))
+        where = ".".join(map(str, problem["loc"]))
         raise GesError(
-            f"manifest {path}: {where}: {said['msg']}; run the workflow again to write it anew"
+            f"manifest {path}: {where}: {problem['msg']}; run the workflow again to write it anew"
         ) from None
 
 

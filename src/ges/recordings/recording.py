@@ -309,8 +309,8 @@ def make_set(
         raise unknown_name("mend", wrong[0], [name for name in known if name])
     flights, warnings = [], [f"read with --mend {name}: {known[name].what}" for name in mends]
     hover = vehicle.hover_speed_rad_s()
-    for name, told in frames:
-        frame = told
+    for name, given in frames:
+        frame = given
         for mend in mends:
             frame = known[mend].mend(frame)
         good, noticed = checked_frame(name, frame.drop(columns=_of_no_rotor(frame, vehicle)))

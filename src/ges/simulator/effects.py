@@ -704,8 +704,8 @@ def replay_each(
     heights, packed = terrain.height_map(), [pack(e) for e in sets]
     grid = None if heights is None else _lib.pack_grid(*heights)
     n_rotors = rotors_of(parameters)
-    told, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
-    replayed = _lib.replay(vector, packed, grid, told.data, n_outputs, lanes)
+    prepared, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
+    replayed = _lib.replay(vector, packed, grid, prepared.data, n_outputs, lanes)
     return [Replay(data, n_rotors) for data in replayed]
 
 

@@ -303,13 +303,13 @@ def _unexplained(
     def rest(value: float | None) -> float | None:
         return None if value is None else 1.0 - value
 
-    told = {
+    changes = {
         # under its own name the rule would turn it again
         "value": "unexplained",
         "paper": rest(claim.paper),
         "paper_baseline": rest(claim.paper_baseline),
     }
-    return claim.model_copy(update=told), _turned(found), baseline and _turned(baseline)
+    return claim.model_copy(update=changes), _turned(found), baseline and _turned(baseline)
 
 
 def _turned(o: Ours) -> Ours:

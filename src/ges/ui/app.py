@@ -218,7 +218,7 @@ class Pages:
             most_files=MOST_FILES,
             formats=[reader.title for reader in READERS],
             logs=self.workspace.all_logs(),
-            diagnoses=[self._told(d) for d in self.workspace.all_diagnoses()],
+            diagnoses=[self._shown(d) for d in self.workspace.all_diagnoses()],
         )
 
     async def static(self, request: Request) -> Response:
@@ -328,7 +328,7 @@ class Pages:
             limit_bytes=self.limit_bytes,
             most_files=MOST_FILES,
             diagnoses=[
-                self._told(d) for d in self.workspace.all_diagnoses() if d.about["logs"] == logs.id
+                self._shown(d) for d in self.workspace.all_diagnoses() if d.about["logs"] == logs.id
             ],
         )
 
@@ -424,15 +424,15 @@ class Pages:
         KeyError
             When there is no such diagnosis.
         """
-        told = self._told(self.workspace.diagnosis(request.path_params["id"]))
+        shown = self._shown(self.workspace.diagnosis(request.path_params["id"]))
         return page(
             "diagnosis.html.j2",
-            **told,
+            **shown,
             results=RESULTS,
             others=[
                 other
-                for other in map(self._told, self.workspace.all_diagnoses())
-                if other["state"] == "done" and other["id"] != told["id"]
+                for other in map(self._shown, self.workspace.all_diagnoses())
+                if other["state"] == "done" and other["id"] != shown["id"]
             ],
         )
 
@@ -529,7 +529,7 @@ class Pages:
             When there is no such diagnosis, or it is not done.
         """
         diagnosis = self.workspace.diagnosis(request.path_params["id"])
-        if self._told(diagnosis)["state"] != "done":
+        if self._shown(diagnosis)["state"] != "done":
             raise KeyError(diagnosis.id)
         path = await asyncio.to_thread(diagnosis.archive)
         return FileResponse(path, filename=f"ges-{diagnosis.id[:6]}.zip")
@@ -559,30 +559,30 @@ class Pages:
         text = compare.as_html(compare.compare(first, second, names))
         return HTMLResponse(text, headers={"content-security-policy": guard.REPORTS})
 
-    def _told(self, diagnosis: Diagnosed) -> dict[str, Any]:
+    def _shown(self, diagnosis: Diagnosed) -> dict[str, Any]:
         """Collect what the pages say of a diagnosis."""
         about, job = diagnosis.about, self.jobs.get(diagnosis.id)
         # every key that a template asks for, as templates are strict
-        told: dict[str, Any] = {
+        shown: dict[str, Any] = {
             "id": diagnosis.id,
             "name": _name(about),
             "verdict": "",
             "sentence": "",
         }
-        told |= {"problem": "", "steps": [], "seconds": 0.0, **about}
-        told["sizes"] = {n: (diagnosis.results / n).stat().st_size for n in diagnosis.names()}
+        shown |= {"problem": "", "steps": [], "seconds": 0.0, **about}
+        shown["sizes"] = {n: (diagnosis.results / n).stat().st_size for n in diagnosis.names()}
         if job and not job.over:
-            told |= {"state": job.state, "steps": list(job.steps)}
+            shown |= {"state": job.state, "steps": list(job.steps)}
         # it is written down as under way, and this server has no job of it: one before began it
         elif about["state"] == "running":
-            told |= {"state": "stopped", "problem": "the server ended before it did"}
+            shown |= {"state": "stopped", "problem": "the server ended before it did"}
         elif about["state"] == "done":
             try:
                 content = load_diagnosis(diagnosis.results)
             except GesError as error:
-                return {**told, "state": "failed", "problem": str(error)}
-            told |= {"verdict": VERDICTS[content["verdict"]], "sentence": content["sentence"]}
-        return told
+                return {**shown, "state": "failed", "problem": str(error)}
+            shown |= {"verdict": VERDICTS[content["verdict"]], "sentence": content["sentence"]}
+        return shown
 
 
 def _see(address: str) -> RedirectResponse:

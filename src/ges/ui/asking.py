@@ -79,15 +79,15 @@ def reading(logs: Logs, rotor_order: bool = True) -> list[str]:
     -------
     Words of the command line; empty where nothing is stated.
     """
-    said, words = logs.about["reading"], []
-    if said["map"]:
-        words += ["--map", said["map"]]
-    if said["pwm"]:
-        words += ["--pwm", *map(str, said["pwm"])]
-    if said["part"]:
-        words += ["--part", str(said["part"])]
-    if rotor_order and said["rotor_order"]:
-        words += ["--rotor-order", ",".join(map(str, said["rotor_order"]))]
+    options, words = logs.about["reading"], []
+    if options["map"]:
+        words += ["--map", options["map"]]
+    if options["pwm"]:
+        words += ["--pwm", *map(str, options["pwm"])]
+    if options["part"]:
+        words += ["--part", str(options["part"])]
+    if rotor_order and options["rotor_order"]:
+        words += ["--rotor-order", ",".join(map(str, options["rotor_order"]))]
     return words
 
 

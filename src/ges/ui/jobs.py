@@ -46,10 +46,10 @@ class Ended:
         """One sentence on what went wrong, as the command wrote it."""
         lines = [line for line in self.err.splitlines() if line.strip()]
         # what GES and click say on purpose; the last line of a traceback where neither spoke
-        said = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
-        said += [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
-        if said:
-            return said[-1]
+        errors = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
+        errors += [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
+        if errors:
+            return errors[-1]
         last = lines[-1] if lines else f"exit code {self.code}"
         return f"an internal error of GES, which is worth a report: {last}"
 
@@ -229,7 +229,7 @@ class Jobs:
                     async with job.news:
                         job.steps.append({"what": step[1], "seconds": float(step[2])})
                         job.news.notify_all()
-            said = (await out).decode(errors="replace")
-            return Ended(await process.wait(), said, "\n".join(lines))
+            output = (await out).decode(errors="replace")
+            return Ended(await process.wait(), output, "\n".join(lines))
         finally:
             await _end(process)

@@ -78,12 +78,12 @@ def acceptable(truth: Mapping) -> list[frozenset[str]]:
     return [names, *(frozenset(other) for other in truth.get("also_acceptable", []))]
 
 
-def kind_of(said: Mapping) -> str:
+def kind_of(diagnosis: Mapping) -> str:
     """Return the verdict of a diagnosis; ``unknown`` for a law as well, which no name explains."""
-    return "unknown" if said["verdict"] == "law" else said["verdict"]
+    return "unknown" if diagnosis["verdict"] == "law" else diagnosis["verdict"]
 
 
-def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
+def judge(case: str, truth: Mapping, diagnosis: Mapping) -> Judgement:
     """Compare a diagnosis with the truth.
 
     In an ambiguous answer only names of probability 0.9 or more are claimed, the others are
@@ -93,14 +93,14 @@ def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
     ----------
     case : name of the case.
     truth : its sealed truth.
-    said : content of ``diagnosis.json``.
+    diagnosis : content of ``diagnosis.json``.
     """
-    findings, verdict = said.get("findings", []), kind_of(said)
+    findings, verdict = diagnosis.get("findings", []), kind_of(diagnosis)
     offered = {f["name"] for f in findings}
     claimed = {f["name"] for f in findings if verdict != "ambiguous" or f["probability"] >= SURE}
     right = acceptable(truth)
     known = frozenset().union(*right)
-    flagged = verdict == "unknown" or bool(said.get("unexplained"))
+    flagged = verdict == "unknown" or bool(diagnosis.get("unexplained"))
     category = category_of(truth)
     return Judgement(
         case=case,
@@ -114,7 +114,7 @@ def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
         wrong=tuple(sorted(claimed - known)),
         flagged=flagged,
         stated=tuple((float(f["probability"]), f["name"] in known) for f in findings),
-        located=_located(truth, said),
+        located=_located(truth, diagnosis),
     )
 
 
@@ -162,7 +162,7 @@ def _named(
     return "unknown" if verdict == "unknown" else "hedged" if verdict == "ambiguous" else "nothing"
 
 
-def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
+def _located(truth: Mapping, diagnosis: Mapping) -> tuple[int, int, int]:
     """Return (found, too many, missed) channels.
 
     A trace of an effect is neither to be found nor a mistake. Where nothing is concealed every
@@ -176,7 +176,7 @@ def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
     )
     if not may and category_of(truth) != "null":
         return (0, 0, 0)
-    got = {_channel(entry["channel"]) for entry in said.get("located", [])}
+    got = {_channel(entry["channel"]) for entry in diagnosis.get("located", [])}
     return (len(must & got), len(got - may), len(must - got))
 
 

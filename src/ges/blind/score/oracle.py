@@ -179,17 +179,17 @@ def _columns(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         "rotor_speed": rotor_speed(flight["rotor_speed"].shape[1]),
         "u": command(flight["u"].shape[1]),
     }
-    told = {c: flight[key][:, k] for key, names in groups.items() for k, c in enumerate(names)}
-    told |= {
+    columns = {c: flight[key][:, k] for key, names in groups.items() for k, c in enumerate(names)}
+    columns |= {
         f"rotor_acceleration_{i + 1}_rad_s2": flight["rotor_acceleration"][:, i] for i in range(4)
     }
-    return told | {"t_s": np.arange(n) * STEP_S * TRUTH_STEP}
+    return columns | {"t_s": np.arange(n) * STEP_S * TRUTH_STEP}
 
 
 def _fast(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    told = {c: flight["fast_u"][:, k] for k, c in enumerate(command(flight["fast_u"].shape[1]))}
-    told["battery_V"] = flight["fast_battery"][:, 0] * flight["full_V"]
-    return told | {"t_s": np.arange(len(flight["fast_u"])) * STEP_S * FAST_STEP}
+    columns = {c: flight["fast_u"][:, k] for k, c in enumerate(command(flight["fast_u"].shape[1]))}
+    columns["battery_V"] = flight["fast_battery"][:, 0] * flight["full_V"]
+    return columns | {"t_s": np.arange(len(flight["fast_u"])) * STEP_S * FAST_STEP}
 
 
 def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
@@ -271,10 +271,10 @@ def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, flo
     true = seen.true_speeds()
 
     def model(effects: effect_table.Effects) -> np.ndarray:
-        said = seen.speeds(effects)
+        speeds = seen.speeds(effects)
         # the top speed scales all speeds: its least-squares value is put in, not searched for
         # (variable projection)
-        return said * ((true * said).sum() / (said**2).sum())
+        return speeds * ((true * speeds).sum() / (speeds**2).sum())
 
     return _least_squares(names, model, true, [n for n in DRIVES if n not in names])
 

@@ -344,8 +344,8 @@ def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
     pulses = np.where(pulses < _LEAST_PULSE_US, low, pulses)
     u = np.clip((pulses - low) / (high - low), 0.0, 1.0)
     if channels != list(range(1, len(channels) + 1)):
-        told = ", ".join(map(str, channels))
-        log.notes.append(f"motors 1 to {len(channels)} are outputs {told}")
+        listed = ", ".join(map(str, channels))
+        log.notes.append(f"motors 1 to {len(channels)} are outputs {listed}")
     yield "command", Stream(message.t_s, {f"u_{i + 1}": row for i, row in enumerate(u)}, "RCOU")
 
 

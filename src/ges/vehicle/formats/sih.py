@@ -230,8 +230,8 @@ def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
         raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     remarks = []
     if order != list(range(4)):
-        told = ", ".join(str(k + 1) for k in order)
-        remarks.append(f"PX4's motors 1 to 4 are rotors {told} of the vehicle file.")
+        listed = ", ".join(str(k + 1) for k in order)
+        remarks.append(f"PX4's motors 1 to 4 are rotors {listed} of the vehicle file.")
     if [("ccw" if p.spin[k] > 0 else "cw") for k in order] != [spin for _, spin in layout]:
         remarks.append("Its rotors turn the other way than SIH turns them: yaw comes out reversed.")
     return order, remarks
