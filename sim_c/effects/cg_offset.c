@@ -24,10 +24,10 @@ EFFECT(cg_offset) = {
         {
          {.name = "x_m", .unit = "m", .role = GES_AMPLITUDE, .value = 0.005, .neutral = 0, .low = -0.1, .high = 0.1,
           .doc = "offset forward", .whole = 1, .trim = GES_TRIM_LEVER,
-          .doubt = {.shows_in = "moment", .step = 0.01, .sd = 0.01, .flight_sd = 0.004, .per_arm = 1}},
+          .prior = {.shows_in = "moment", .step = 0.01, .sd = 0.01, .flight_sd = 0.004, .per_arm = 1}},
          {.name = "y_m", .unit = "m", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.1, .high = 0.1,
           .doc = "offset to the left", .whole = 1, .trim = GES_TRIM_LEVER,
-          .doubt = {.shows_in = "moment", .step = 0.01, .sd = 0.01, .flight_sd = 0.004, .per_arm = 1}},
+          .prior = {.shows_in = "moment", .step = 0.01, .sd = 0.01, .flight_sd = 0.004, .per_arm = 1}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_NONE,

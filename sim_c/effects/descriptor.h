@@ -96,7 +96,7 @@ typedef struct {
 /* ---- fields ----------------------------------------------------------------------------------------------------- */
 
 /* How far a parameter may be off without any finding: a trim, a sensor, a drive that no vehicle file states. */
-#define GES_DOUBT(F)                                                                                                    \
+#define GES_PRIOR(F)                                                                                                    \
   F(words, shows_in)    /* channels, or blocks of them, of which one has to be there; "any"; NULL: never off */         \
   F(number, step)       /* from neutral, at which it is linearised */                                                   \
   F(number, sd)         /* usual standard deviation */                                                                  \
@@ -126,7 +126,7 @@ typedef struct {
   F(setting, acts_above)   /* shape that does something where this parameter is above this value alone */               \
   F(number, reach)         /* shape that is a place or a length: share of `reach_over` that a fit may move it at once */ \
   F(text, reach_over)      /* "radius", or a parameter */                                                               \
-  F(doubt, doubt)
+  F(prior, prior)
 
 /* Variants of an effect that a search tries: amplitudes that are fitted together, over levels of an axis. */
 #define GES_SEARCH(F)                                                                                                   \
@@ -150,17 +150,17 @@ typedef struct {
   F(hints, hints)                                                                                                       \
   F(number, rarity)     /* how often it is met, over others; 0: as often */                                             \
   F(words, needs)       /* what has to be recorded (ges.diagnose.library.requirements) */                               \
-  F(words, through)     /* effects of which one has to be on for this one to act */                                     \
+  F(words, requires_one_of) /* effects of which one has to be on for this one to act */                                 \
   F(text, family)       /* effects of one family act in one place */                                                    \
-  F(text, usual_beside) /* what is there as a rule, and looks like this one */                                          \
+  F(text, usual_with)   /* what is there as a rule, and looks like this one */                                          \
   F(text, error_of)     /* the larger effect whose form may be wrong by what looks like this one */                     \
   F(text, settled)      /* why it enters no search */                                                                   \
   F(levels, carried)    /* levels at which it is tried together with what it modifies */
 
 #define GES_FIELD(kind, name) ges_##kind name;
 typedef struct {
-  GES_DOUBT(GES_FIELD)
-} ges_doubt;
+  GES_PRIOR(GES_FIELD)
+} ges_prior;
 typedef struct {
   GES_EFFECT_PARAMETER(GES_FIELD)
 } ges_effect_parameter;

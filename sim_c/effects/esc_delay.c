@@ -33,7 +33,7 @@ EFFECT(esc_delay) = {
         {
          {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = 0, .high = 0.1,
           .doc = "delay", .fit_low = 0, .fit_high = 0.06,
-          .doubt = {.shows_in = "drive", .step = 0.004, .sd = 0.002, .timing = GES_TIMING_DELAY}},
+          .prior = {.shows_in = "drive", .step = 0.004, .sd = 0.002, .timing = GES_TIMING_DELAY}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_DYNAMIC,

@@ -35,7 +35,7 @@ EFFECT(fountain_lift) = {
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_THRUST_GAIN,
     .needs = "height",
-    .usual_beside = "ground_effect",
+    .usual_with = "ground_effect",
     .family = "lift near the ground",
     .search =
         {

@@ -25,7 +25,7 @@ EFFECT(ground_effect_moment) = {
         {
          {.name = "q", .unit = "1", .role = GES_AMPLITUDE, .value = 0.5, .neutral = 0, .low = -10, .high = 10,
           .doc = "excess over the cushions' own moment",
-          .doubt = {.shows_in = "moment", .step = 0.1, .sd = 0.25, .mean = -0.35}},
+          .prior = {.shows_in = "moment", .step = 0.1, .sd = 0.25, .mean = -0.35}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_NONE,

@@ -22,10 +22,10 @@ EFFECT(motor_lag) = {
         {
          {.name = "up_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.03, .neutral = 0, .low = -0.2, .high = 0.5,
           .doc = "added time constant when speeding up", .corrects = "motor_time_constant_s", .fit_low = 0,
-          .fit_high = 0.5, .doubt = {.shows_in = "drive moment", .step = 0.002, .sd = 0, .timing = GES_TIMING_LAG}},
+          .fit_high = 0.5, .prior = {.shows_in = "drive moment", .step = 0.002, .sd = 0, .timing = GES_TIMING_LAG}},
          {.name = "down_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.03, .neutral = 0, .low = -0.2, .high = 0.5,
           .doc = "added time constant when slowing down", .corrects = "motor_time_constant_s", .fit_low = 0,
-          .fit_high = 0.5, .doubt = {.shows_in = "drive moment", .step = 0.002, .sd = 0, .timing = GES_TIMING_LAG}},
+          .fit_high = 0.5, .prior = {.shows_in = "drive moment", .step = 0.002, .sd = 0, .timing = GES_TIMING_LAG}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_DYNAMIC,

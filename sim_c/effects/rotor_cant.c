@@ -31,7 +31,7 @@ EFFECT(rotor_cant) = {
         {
          {.name = "angle_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = -0.2, .high = 0.2,
           .doc = "mean angle of the rotors, that turns counter-clockwise seen from above", .trim = GES_TRIM_YAW,
-          .doubt = {.shows_in = "moment_z", .step = 0.002, .sd = 0}},
+          .prior = {.shows_in = "moment_z", .step = 0.002, .sd = 0}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_NONE,

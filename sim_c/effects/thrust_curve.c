@@ -21,7 +21,7 @@ EFFECT(thrust_curve) = {
     .parameters =
         {
          {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 0.3, .neutral = 0, .low = -0.5, .high = 1,
-          .doc = "linear share", .doubt = {.shows_in = "drive command", .step = 0.02, .sd = 0.03}},
+          .doc = "linear share", .prior = {.shows_in = "drive command", .step = 0.02, .sd = 0.03}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_DYNAMIC,

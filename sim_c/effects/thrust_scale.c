@@ -19,7 +19,7 @@ EFFECT(thrust_scale) = {
         {
          {.name = "scale", .unit = "1", .role = GES_AMPLITUDE, .value = 0.05, .neutral = 0, .low = -0.9, .high = 9,
           .doc = "relative change of thrust", .corrects = "mass_kg thrust_coefficient_N_s2", .plausible = 0.25,
-          .trim = GES_TRIM_THRUST, .doubt = {.shows_in = "any", .step = 0.01, .sd = 0, .flight_sd = 0.01,
+          .trim = GES_TRIM_THRUST, .prior = {.shows_in = "any", .step = 0.01, .sd = 0, .flight_sd = 0.01,
                                              /* a cell at 3.5 to 4.2 V, squared */ .unlogged_voltage_sd = 0.1}},
         },
     .about = GES_DECLARED,

@@ -21,7 +21,7 @@ EFFECT(time_offset) = {
     .parameters =
         {
          {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -0.1, .high = 0.1,
-          .doc = "delay", .doubt = {.shows_in = "moment", .step = 0.001, .sd = 0.003}},
+          .doc = "delay", .prior = {.shows_in = "moment", .step = 0.001, .sd = 0.003}},
         },
     .about = GES_FAULT,
     .feedback = GES_FEEDBACK_NONE,

@@ -19,7 +19,7 @@ EFFECT(torque_coefficient) = {
         {
          {.name = "scale", .unit = "1", .role = GES_AMPLITUDE, .value = 0.2, .neutral = 0, .low = -0.9, .high = 3,
           .doc = "relative change of torque", .corrects = "torque_coefficient_Nm_s2", .plausible = 0.3,
-          .doubt = {.shows_in = "moment_z", .step = 0.02, .sd = 0}},
+          .prior = {.shows_in = "moment_z", .step = 0.02, .sd = 0}},
         },
     .about = GES_DECLARED,
     .feedback = GES_FEEDBACK_DYNAMIC,

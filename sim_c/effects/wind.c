@@ -39,7 +39,7 @@ EFFECT(wind) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "attitude velocity",
     .hints = GES_OWN_LEVER,
-    .through = "rotor_drag parasitic_drag",
+    .requires_one_of = "rotor_drag parasitic_drag",
     .search =
         {
          {.amplitudes = "east_m_s north_m_s", .axis = "roughness_m", .levels = LEVELS(0, 0.03)},

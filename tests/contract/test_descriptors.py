@@ -20,8 +20,8 @@ each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 @each
 def test_what_it_refers_to_exists(effect):
     names = set(effects.table())
-    others = (effect.error_of, effect.usual_beside, effect.modifies)
-    assert {*filter(None, others), *effect.through} <= names
+    others = (effect.error_of, effect.usual_with, effect.modifies)
+    assert {*filter(None, others), *effect.requires_one_of} <= names
     assert set(effect.needs) <= set(REQUIREMENTS)
     assert {s.rule for s in effect.searches} <= set(RULES)
     assert 0.0 < effect.rarity <= 1.0
@@ -55,9 +55,9 @@ def test_what_it_corrects_is_in_a_vehicle_file(effect):
 @each
 def test_what_carries_an_effect_has_a_usual_size(effect):
     """Else a wind could not be weighed from the start, through a drag that is not on yet."""
-    if effect.through:
-        carrier = effects.get(effect.through[0])
-        assert sum(p.usual_share > 0.0 for p in carrier.parameters) == 1
+    if effect.requires_one_of:
+        prerequisite = effects.get(effect.requires_one_of[0])
+        assert sum(p.usual_share > 0.0 for p in prerequisite.parameters) == 1
 
 
 def test_the_page_of_the_documentation_is_up_to_date():

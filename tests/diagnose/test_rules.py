@@ -24,7 +24,7 @@ from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -65,7 +65,7 @@ def _weighed(found, names, sizes=(), effects=(), flights=(), monkeypatch=None):
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
-    return apply_rules(SEARCH_RULES, weighed, weighed.passing, record or Record())
+    return apply_rules(SEARCH_RULES, weighed, weighed.passing, record or DecisionLog())
 
 
 @pytest.mark.parametrize(("p", "best", "passed"), [(0.95, 1, 1), (0.85, 1, 0), (0.95, 0, 0)])
@@ -81,7 +81,7 @@ def test_a_name_has_to_be_probable_and_in_the_best_set(p, best, passed):
 
 
 def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name(monkeypatch):
-    found, record = _search({("rotor_drag",): 50.0, ("wind",): 49.0}), Record()
+    found, record = _search({("rotor_drag",): 50.0, ("wind",): 49.0}), DecisionLog()
     weighed = _weighed(
         found, ("rotor_drag", "wind"), {"rotor_drag": {"force": 9.0}}, monkeypatch=monkeypatch
     )
@@ -253,7 +253,7 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
 def test_what_does_not_look_like_the_error_of_a_form_may_be_smaller():
     def matters(name, channel, share):
         size = {"channel": channel, "share_of_weight": share}
-        return practically_significant(name, size, Model({}), Record())
+        return practically_significant(name, size, Model({}), DecisionLog())
 
     assert matters("ground_effect_lag", "force_z", 0.001)
     assert not matters("partial_ground_effect", "force_z", 0.001)

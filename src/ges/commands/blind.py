@@ -114,7 +114,7 @@ def run(
     numbers = parse(pairs)
     start = time.perf_counter()
     with Progress("diagnosing") as progress:
-        count, left = run_cases(
+        count, remaining = run_cases(
             folder,
             processes,
             out=method_folder(method, numbers),
@@ -122,7 +122,7 @@ def run(
             minutes=minutes,
             tell=progress,
         )
-    rest = f"; {left} are left, the same command goes on" if left else ""
+    rest = f"; {remaining} are left, the same command goes on" if remaining else ""
     click.echo(
         f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s{rest}", err=True
     )

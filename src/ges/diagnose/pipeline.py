@@ -24,7 +24,7 @@ from ges.diagnose.prove.proof import prove
 from ges.diagnose.report.compose import compose_diagnosis
 from ges.diagnose.report.content import located_entries
 from ges.diagnose.report.diagnosis import Diagnosis
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 from ges.simulator import effects as effect_table
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle
@@ -86,7 +86,7 @@ def diagnose(
     >>> found
     Diagnosis(physics: rotor_drag, ground_effect)
     """
-    record = Record()
+    record = DecisionLog()
     for name in names or ():
         effect_table.get(name)
 

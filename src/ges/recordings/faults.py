@@ -75,11 +75,13 @@ def _scaled(columns: Sequence[str], factor: float) -> Callable[[pd.DataFrame], p
     return mend
 
 
-def _renamed(columns: Sequence[str], held: Sequence[str]) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    """Read the column ``columns[i]`` as ``held[i]``."""
+def _renamed(
+    columns: Sequence[str], names: Sequence[str]
+) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Read the column ``columns[i]`` as ``names[i]``."""
 
     def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        pairs = zip(columns, held, strict=True)
+        pairs = zip(columns, names, strict=True)
         return frame.assign(**{there: frame[c] for c, there in pairs if c in frame})
 
     return mend
@@ -177,8 +179,8 @@ def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
     streams = [(each, [each[i] for i in order]) for each in (rotor_speed(n), command(n))]
 
     def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        for columns, held in streams:
-            frame = _renamed(columns, held)(frame)
+        for columns, names in streams:
+            frame = _renamed(columns, names)(frame)
         return frame
 
     return mend

@@ -90,8 +90,8 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
 def _download(source: Source, path: str, timeout_s: float) -> bytes:
     address = f"https://raw.githubusercontent.com/{source.repository}/{source.commit}/{path}"
     try:
-        with urllib.request.urlopen(address, timeout=timeout_s) as answer:
-            return answer.read()
+        with urllib.request.urlopen(address, timeout=timeout_s) as response:
+            return response.read()
     except (urllib.error.URLError, OSError) as error:
         raise GesError(
             f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from"

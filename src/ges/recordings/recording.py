@@ -91,7 +91,7 @@ def unit_of(column: str) -> str | None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Flight:
+class RecordedFlight:
     """One recorded flight.
 
     Attributes
@@ -129,7 +129,7 @@ class RecordingSet:
     """
 
     vehicle: Vehicle
-    flights: tuple[Flight, ...]
+    flights: tuple[RecordedFlight, ...]
     folder: Path
     warnings: tuple[str, ...] = ()
 
@@ -316,7 +316,7 @@ def make_set(
         good, noticed = checked_frame(name, frame.drop(columns=_of_no_rotor(frame, vehicle)))
         if problem := _contradiction(name, good, hover):
             raise GesError(problem)
-        flights.append(Flight(name, good))
+        flights.append(RecordedFlight(name, good))
         warnings += noticed
     alike, log_odds = faults.found([f.frame for f in flights], vehicle)
     if alike:
@@ -370,10 +370,10 @@ def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> R
         )
     paths = _tables(folder)
     if len(paths) < least:
-        held = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
+        count = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
         raise GesError(
-            f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4'"
-            " cuts a long log"
+            f"{folder} holds {count} (*.parquet); needed are {least} or more;"
+            " 'ges import --parts 4' cuts a long log"
         )
     frames = ((p.stem, _read(p)) for p in paths)
     return make_set(load_vehicle(folder / "vehicle.yaml"), frames, folder, mends)

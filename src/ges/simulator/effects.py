@@ -32,7 +32,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Doubt:
+class ParameterPrior:
     """How far a parameter may be off without being a finding.
 
     Numbers are in the parameter's unit, or in arm lengths.
@@ -89,7 +89,7 @@ class Parameter:
     acts_above : another parameter, and the value above which this one acts; None for always.
     reach, reach_over : largest step of a fit, as a share of ``radius`` or of a parameter; 0 for
         any.
-    doubt : how far it may be off without being a finding; None if by nothing.
+    prior : how far it may be off without being a finding; None if by nothing.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Parameter:
     acts_above: tuple[str, float] | None
     reach: float
     reach_over: str
-    doubt: Doubt | None
+    prior: ParameterPrior | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,9 +163,9 @@ class Effect:
     hints : any of ``GES_HINTS`` of the descriptor, as ``own_lever``.
     rarity : how often it is met, relative to other effects.
     needs : streams that must be recorded.
-    through : prerequisite effects, of which one must be on for this one to act.
+    requires_one_of : prerequisite effects, of which one must be on for this one to act.
     family : effects of one family act in the same place; its own name if it has none.
-    usual_beside : what is usually present and looks like this one.
+    usual_with : what is usually present and looks like this one.
     error_of : larger effect whose form may be wrong by what looks like this one.
     settled : why it enters no search; '' where it does.
     carried : levels at which it is tried together with what it modifies.
@@ -188,9 +188,9 @@ class Effect:
     hints: frozenset[str]
     rarity: float
     needs: tuple[str, ...]
-    through: tuple[str, ...]
+    requires_one_of: tuple[str, ...]
     family: str
-    usual_beside: str
+    usual_with: str
     error_of: str
     settled: str
     carried: tuple[float, ...]
@@ -228,7 +228,7 @@ class Effect:
     @property
     def prerequisites(self) -> tuple[str, ...]:
         """Effects of which one must be on for this one to act; none for most."""
-        return (self.modifies,) if self.modifies else self.through
+        return (self.modifies,) if self.modifies else self.requires_one_of
 
     @property
     def amplitudes(self) -> tuple[str, ...]:
@@ -310,7 +310,10 @@ def _require(given: Mapping[str, Any], fields: Sequence[str], of: str) -> None:
 
 def _parameter(given: dict[str, Any], effect: str) -> Parameter:
     _require(given, ["role"], f"parameter {given['name']} of effect {effect}")
-    changed = {"default": given["value"], "doubt": given["doubt"] and Doubt(**given["doubt"])}
+    changed = {
+        "default": given["value"],
+        "prior": given["prior"] and ParameterPrior(**given["prior"]),
+    }
     # C leaves what a descriptor does not say at 0: then a fit has the parameter's own bounds
     if given["fit_low"] == given["fit_high"] == 0.0:
         changed |= {"fit_low": given["low"], "fit_high": given["high"]}
@@ -389,7 +392,7 @@ class _LawEffect(Effect):
             acts_above=None,
             reach=0.0,
             reach_over="",
-            doubt=None,
+            prior=None,
         )
 
 
@@ -412,9 +415,9 @@ def _law() -> Effect:
         hints=frozenset(),
         rarity=1.0,
         needs=(),
-        through=(),
+        requires_one_of=(),
         family=laws.LAW,
-        usual_beside="",
+        usual_with="",
         error_of="",
         settled="",
         carried=(),

@@ -334,13 +334,13 @@ class Pages:
 
     async def _examined(self, logs: Logs) -> list[dict[str, Any]]:
         async with self._doctor:
-            found = logs.answer()
+            found = logs.examined()
             if found is None:
                 names = logs.names()
                 words = ["doctor", "--json", *asking.reading(logs, rotor_order=False)]
                 ended = await ask([*words, "--", *names], logs.files) if names else None
-                found = _answers(ended.out, ended.problem, names) if ended else []
-                logs.keep_answer(found)
+                found = _parse_examined(ended.out, ended.problem, names) if ended else []
+                logs.keep_examined(found)
         return found
 
     async def reading(self, request: Request) -> Response:
@@ -359,7 +359,7 @@ class Pages:
         """
         logs = self.workspace.logs(request.path_params["id"])
         logs.note(reading=asking.checked_reading(logs, await request.form(max_files=0)))
-        logs.forget_answer()
+        logs.forget_examined()
         return _see(f"/logs/{logs.id}")
 
     async def vehicle(self, request: Request) -> Response:
@@ -597,7 +597,7 @@ def _name(about: dict[str, Any]) -> str:
     return f"{first}{more}, {about['vehicle']}"
 
 
-def _answers(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
+def _parse_examined(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
     """Read what ``ges doctor --json`` wrote; where it failed, that."""
     with contextlib.suppress(json.JSONDecodeError):
         return [{**asking.NOTHING_FOUND, **found} for found in json.loads(text)]

@@ -137,8 +137,8 @@ def diagnose_words(
         vehicle = _named(logs, form)
         words = ["--vehicle", vehicle]
     # flights are called as their files without ending
-    held = _one_of(form, "holdout", ["", *(Path(name).stem for name in files)])
-    return [*words, *(["--holdout", held] if held else []), *reading(logs)], files, vehicle
+    holdout = _one_of(form, "holdout", ["", *(Path(name).stem for name in files)])
+    return [*words, *(["--holdout", holdout] if holdout else []), *reading(logs)], files, vehicle
 
 
 def chosen(form: FormData, found: Sequence[Mapping[str, Any]]) -> list[str]:

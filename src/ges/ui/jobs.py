@@ -22,7 +22,7 @@ from ges.ui.folder import Diagnosed
 
 GES = (sys.executable, "-P", "-c", "from ges.cli import main; main()")
 """The command line of this installation; -P, because a log could be called ``numpy.py``."""
-LONGEST_ANSWER_S = 300.0
+LONGEST_COMMAND_S = 300.0
 """After which a verb that the page waits for is ended."""
 _STEP = re.compile(r"(.+): (\d+\.\d) s")
 
@@ -90,13 +90,13 @@ async def ask(words: Sequence[str], cwd: Path) -> Ended:
 
     Returns
     -------
-    What it wrote; after :data:`LONGEST_ANSWER_S` it is killed, with status 1.
+    What it wrote; after :data:`LONGEST_COMMAND_S` it is killed, with status 1.
     """
     process = await _start(words, cwd)
     try:
-        out, err = await asyncio.wait_for(process.communicate(), LONGEST_ANSWER_S)
+        out, err = await asyncio.wait_for(process.communicate(), LONGEST_COMMAND_S)
     except TimeoutError:
-        return Ended(1, "", f"ges: no answer after {LONGEST_ANSWER_S:.0f} s; cut the log shorter")
+        return Ended(1, "", f"ges: no answer after {LONGEST_COMMAND_S:.0f} s; cut the log shorter")
     finally:
         await _end(process)
     return Ended(

@@ -360,11 +360,11 @@ def _steady_response(
         fit = least_squares(
             misfit, start, args=(scale,), bounds=([0.1, -0.5], [10.0, 1.0]), loss="soft_l1"
         )
-        left = misfit(fit.x, 1.0)[:-1]
+        residuals = misfit(fit.x, 1.0)[:-1]
         # Errors of one rotor hold for seconds, so that a tenth of the samples count as independent.
-        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(left**2))), 1e-3 * usual)
+        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(residuals**2))), 1e-3 * usual)
         start = fit.x
-    r2 = 1.0 - float(np.var(left) / np.var(w))
+    r2 = 1.0 - float(np.var(residuals) / np.var(w))
     if not r2 > LEAST_R2:
         return None
     # (J' J)^-1, as the rows are in units of their standard deviation

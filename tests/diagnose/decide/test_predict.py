@@ -11,7 +11,7 @@ from ges.diagnose.decide import predict
 from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit
 from ges.diagnose.select.evidence import make_regression
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 
 from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
 
@@ -148,7 +148,7 @@ def test_the_worst_goes_first_and_the_others_are_asked_again(worst):
     """Without the lag, which one flight denies, the drag predicts all of them."""
     both = ("rotor_drag", "motor_lag")
     worst({both: {"rotor_drag": -8.0, "motor_lag": -20.0}, both[:1]: {"rotor_drag": -1.0}})
-    record = Record()
+    record = DecisionLog()
     assert predict.drop_unpredictive(_accepted(both), record).names == ("rotor_drag",)
     (drag,), (lag,) = record.of("rotor_drag"), record.of("motor_lag")
     assert drag.passed and drag.statistic == -1.0
@@ -159,4 +159,4 @@ def test_the_worst_goes_first_and_the_others_are_asked_again(worst):
 def test_a_loss_that_may_be_chance_takes_nothing_away(worst):
     names = ("rotor_drag",)
     worst({names: {"rotor_drag": -0.9 * settings.statistics.certain_log_odds}})
-    assert predict.drop_unpredictive(_accepted(names), Record()).names == names
+    assert predict.drop_unpredictive(_accepted(names), DecisionLog()).names == names

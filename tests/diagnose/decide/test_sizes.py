@@ -24,7 +24,7 @@ from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Considered, Decision, Record
+from ges.diagnose.types.decision import Considered, Decision, DecisionLog
 from ges.diagnose.types.model import SPEED
 
 from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
@@ -66,14 +66,14 @@ def test_shares_are_rms_over_what_matters_an_accelerometer_s_among_the_forces():
     assert both["force"] == pytest.approx(0.4 / force), "of the greatest channel"
 
 
-DOUBTS = {"inertia.yy": 0.1, "cg_offset.x_m": 0.002, SPEED: 10.0}
+PRIOR_SDS = {"inertia.yy": 0.1, "cg_offset.x_m": 0.002, SPEED: 10.0}
 
 
 def _declared(common, but=(), acting=1.0):
     keys = ("inertia.yy", "cg_offset.x_m", SPEED)
-    columns = [nuisance(k, DOUBTS[k]) for k in keys]
+    columns = [nuisance(k, PRIOR_SDS[k]) for k in keys]
     rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
-    model = dataclasses.replace(MODEL, prior_sds=DOUBTS)
+    model = dataclasses.replace(MODEL, prior_sds=PRIOR_SDS)
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
     return contradicted_parameters(joint, system_of(("force_z",), columns, [rows], model), but)
 
@@ -177,7 +177,7 @@ def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
         seen.append(("never", context.passing))
         return Decision("never", False, "")
 
-    record = Record()
+    record = DecisionLog()
     context = RuleContext(None, None, ())
     assert apply_rules((short, never), context, ("wind", "tether"), record) == ()
     assert seen == [("short", ("wind", "tether"))] * 2 + [("never", ("wind",))]
@@ -186,7 +186,7 @@ def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
 
 
 def test_a_record_keeps_the_last_word_of_each_rule_in_its_order():
-    record = Record()
+    record = DecisionLog()
     for rule, passed in (("a", True), ("b", True), ("a", False)):
         record.note("wind", Decision(rule, passed, "x", 1.0, 2.0))
     assert [(d.rule, d.passed) for d in record.of("wind")] == [("b", True), ("a", False)]

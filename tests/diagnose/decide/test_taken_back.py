@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from ges.diagnose.decide import withdraw
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 
 
 def _answer(names, rivals=()):
@@ -28,7 +28,7 @@ def test_what_the_form_of_an_unmeasured_curve_makes_is_taken_back(form, left, mo
         lambda a, name: SimpleNamespace(names=tuple(n for n in a.names if n != name), rivals=()),
     )
     monkeypatch.setattr(withdraw, "explanation_of", lambda a, *_: _answer(a.names))
-    record, start = Record(), SimpleNamespace(system=None)
+    record, start = DecisionLog(), SimpleNamespace(system=None)
     answer = _answer(("rotor_saturation", "rotor_drag"))
     told = withdraw._without_form_errors(answer, start, None, record)
     assert told.accepted.names == left

@@ -184,7 +184,7 @@ def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late()
         (found,) = (n for n in nuisances(MODEL, names, [flight]) if n.effect == "esc_delay")
         return found.sd
 
-    own = effect_table.get("esc_delay").parameter("delay_s").doubt.sd
+    own = effect_table.get("esc_delay").parameter("delay_s").prior.sd
     pole = settings.design.second_pole_share * MODEL.number("motor_time_constant_s")
     assert doubt(hovering()) == pytest.approx(np.hypot(own, pole))
     held = hovering().replace(command_hold=CommandHold(0.5, 0.4))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one, untrimmed
+from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
 from ges.blind.generator.airframe import TrueVehicle, declare
 from ges.blind.generator.detectable import TrueFlight
 from ges.blind.generator.pilot import Pilot
@@ -28,7 +28,7 @@ RPM = 60.0 / (2.0 * np.pi)
 RADIUS_M = 0.0235
 SECONDS, STEP_S = 14.0, 0.004
 SPEED_M_S, SMOOTH_S = 1.1, 0.35
-LOST_M = 3.0
+OFF_PATH_M = 3.0
 METHOD = "force along the path, drone-models' own accelerations with and without each effect"
 
 
@@ -193,8 +193,8 @@ def _fly(
         s = s + STEP_S / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         # Runge and Kutta's sums leave the unit sphere by a little every step
         s[:, 3:7] /= np.linalg.norm(s[:, 3:7], axis=1, keepdims=True)
-        if not np.abs(s[:, :3] - ref[:3].T).max() < LOST_M:
-            raise Lost(f"'{design.key}' lost its path; the path is too fast for the drone")
+        if not np.abs(s[:, :3] - ref[:3].T).max() < OFF_PATH_M:
+            raise OffPath(f"'{design.key}' lost its path; the path is too fast for the drone")
     book = {n: np.stack([r[n] for r in rows], axis=1) for n in rows[0]}
     return [
         TrueFlight(

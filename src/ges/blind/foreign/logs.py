@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_recorded
-from ges.blind.generator.airframe import DOUBTS
+from ges.blind.generator.airframe import SD_REL
 from ges.recordings.readers import Options, open_log
 from ges.vehicle.file import vehicle_content
 from ges.vehicle.load import load_vehicle
@@ -146,8 +146,8 @@ def _file(design: LogDesign) -> dict[str, Any]:
     for key, number in doubted.items():
         value = content[key]["value"] if isinstance(content[key], dict) else content[key]
         value *= design.wrong.get(key, 1.0)
-        content[key] = {"value": value, "sd": DOUBTS[number] * value}
-    content["inertia_kg_m2"]["sd_rel"] = DOUBTS["inertia"]
+        content[key] = {"value": value, "sd": SD_REL[number] * value}
+    content["inertia_kg_m2"]["sd_rel"] = SD_REL["inertia"]
     content["effects"] = {
         name: numbers for name, numbers in content["effects"].items() if name not in design.without
     }

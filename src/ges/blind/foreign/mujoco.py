@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one, untrimmed
+from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
 from ges.blind.generator.airframe import TrueVehicle, declare
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.generator.pilot import Pilot
@@ -25,7 +25,7 @@ WORLD = "mujoco"
 NEEDS = ("mujoco",)
 SECONDS = 15.0
 STEP_S, STEPS_A_COMMAND = 0.002, 2
-LOST_M = 3.0
+OFF_PATH_M = 3.0
 GRAVITY_M_S2 = 9.81
 QUAD = ((1, -1, 0, 1), (-1, 1, 0, 1), (1, 1, 0, -1), (-1, -1, 0, -1))
 """Place (x, y over the lever, z over the radius) and spin of each rotor, seen from above,
@@ -298,8 +298,8 @@ def _fly(
         mujoco.mj_forward(model, data)
         rows.append(_row(model, data, design, craft, u, plan[:, k]))
         mujoco.mj_step(model, data)
-        if not np.abs(data.qpos[:3] - plan[:3, k]).max() < LOST_M:
-            raise Lost(
+        if not np.abs(data.qpos[:3] - plan[:3, k]).max() < OFF_PATH_M:
+            raise OffPath(
                 f"'{design.key}' lost its path {k * STEP_S:.1f} s after the start; the path is too"
                 " fast for the vehicle"
             )

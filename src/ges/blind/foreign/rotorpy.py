@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one
+from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one
 from ges.blind.generator.airframe import TrueVehicle, declare
 from ges.blind.generator.detectable import NOTHING, TrueFlight
 
@@ -22,7 +22,7 @@ NEEDS = ("rotorpy",)
 FLIGHTS = 4
 SECONDS = (11.0, 15.0)
 LONGEST_STEP_S = 0.005
-LOST_M = 2.0
+OFF_PATH_M = 2.0
 ATTEMPTS, GENTLER = 6, 0.85
 PACE = {"hummingbird": 1.0, "crazyflie": 0.6, "hexarotor": 0.9}
 HEXA_ARM_M = 0.3
@@ -337,7 +337,7 @@ def _fly_gently(
         if flown is not None:
             return flown
         pace *= GENTLER
-    raise Lost(
+    raise OffPath(
         f"trajectory {kind} of '{design.key}' was lost, or has no solution, {ATTEMPTS} times; the"
         " trajectories are too fast for the vehicle"
     )
@@ -379,8 +379,8 @@ def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> 
             return MinSnap(points, turns, v_avg=speed * pace, v_max=9.0, verbose=False)
         except TypeError:
             return None
-    along, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
-    return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=along, repeat=True)
+    axis, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
+    return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=axis, repeat=True)
 
 
 def _air(
@@ -451,7 +451,7 @@ def _fly(
         rows.append(_row(vehicle, without, state, control, asked))
         state = _step(vehicle, state, control, step_s)
         # also true of NaN, which every comparison denies
-        if not np.abs(state["x"] - asked["x"]).max() < LOST_M:
+        if not np.abs(state["x"] - asked["x"]).max() < OFF_PATH_M:
             return None
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0] if "/" not in n}
     changes = {

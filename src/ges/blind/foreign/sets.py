@@ -65,7 +65,7 @@ def check_half(half: str, seed: int) -> None:
         )
 
 
-class Lost(GesError):
+class OffPath(GesError):
     """A vehicle left its path however gently it was flown: there is no such set."""
 
 
@@ -275,7 +275,7 @@ def one_by_one(fly: Fly, method: str) -> Callable[..., None]:
     Parameters
     ----------
     fly : returns vehicle and true flights of a design, its place and the rate of the log (Hz). It
-        raises :class:`Lost` where the vehicle left its path.
+        raises :class:`OffPath` where the vehicle left its path.
     method : how the limit is known, in words.
     """
 
@@ -399,8 +399,8 @@ def write_set(
     truth : content of the sealed file.
     """
     final, folder = out / "cases" / place.identity, out / "cases" / f".{place.identity}"
-    for left in (final, folder):
-        shutil.rmtree(left, ignore_errors=True)
+    for stale in (final, folder):
+        shutil.rmtree(stale, ignore_errors=True)
     folder.mkdir(parents=True)
     for number, frame in enumerate(frames, 1):
         # single precision is finer than any sensor here, but not than the clock
@@ -432,7 +432,7 @@ def untrimmed(
     x, y, spin = (np.repeat(row, flights, axis=1) for row in (hubs[:, 0], hubs[:, 1], spin))
     many = {k: np.full(flights, v) for k, v in declared.items()}
     pilot = Pilot(many, x, y, spin, np.full(flights, lag_s), dt)
-    pilot.held = np.zeros((3, flights))
+    pilot.trim_moment = np.zeros((3, flights))
     return pilot
 
 

@@ -31,7 +31,7 @@ from ges.blind.foreign import (
     rotorpy,
     second,
 )
-from ges.blind.foreign.sets import Lost, Place, Sources, check_half, half_of
+from ges.blind.foreign.sets import OffPath, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import read_kept, tree_hash, write_json
@@ -221,20 +221,20 @@ def make_worlds(
     about = _about(half, seed, every, sets, skipped)
     _begin(out, about)
     jobs = list(_jobs(out, sets))
-    left = sum(len(job) for _, job in jobs)
-    tell(total - left, total)
+    remaining = sum(len(job) for _, job in jobs)
+    tell(total - remaining, total)
     deadline = None if minutes is None else time.monotonic() + 60.0 * minutes
-    lost: dict[str, str] = {}
+    failed: dict[str, str] = {}
     for batch, why in _run(out, jobs, places, processes, deadline):
-        left -= len(batch)
-        lost |= {p.identity: why for _, _, p in batch if not _sealed(out, p)}
-        tell(total - left, total)
-    if not left:
+        remaining -= len(batch)
+        failed |= {p.identity: why for _, _, p in batch if not _sealed(out, p)}
+        tell(total - remaining, total)
+    if not remaining:
         # the note first, then the seal over it
-        write_json(out / "sealed" / MADE, {**about, "lost": lost})
+        write_json(out / "sealed" / MADE, {**about, "lost": failed})
         (out / "sealed" / BEGUN).unlink()
         seal.close(out)
-    return total - left, total, {**skipped, **lost}
+    return total - remaining, total, {**skipped, **failed}
 
 
 def make_and_seal(sums: Path, seed: int, every: int, recordings: str, given: str) -> None:
@@ -355,6 +355,6 @@ def _make(world: str, out: Path, batch: Sets, places: Sources) -> str:
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         try:
             WORLDS[world].make(out, batch, places)
-        except Lost as why:
+        except OffPath as why:
             return str(why)
     return ""

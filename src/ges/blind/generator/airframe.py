@@ -19,7 +19,7 @@ CLASSES = {
     "1500g": (1.50, 0.120, 0.225, 560.0, 2.0e-2, 0.045, 12.3),
     "2500g": (2.50, 0.165, 0.310, 420.0, 5.6e-2, 0.065, 24.6),
 }
-DOUBTS = {
+SD_REL = {
     "mass": 0.01,
     "thrust": 0.025,
     "torque": 0.08,
@@ -136,7 +136,7 @@ class TrueVehicle:
 
         Returns
         -------
-        Declared numbers with their sds of :data:`DOUBTS`, and no effects.
+        Declared numbers with their sds of :data:`SD_REL`, and no effects.
         """
         value = {k: float(f"{v:.6g}") for k, v in self.declared.items()}
         rotors = zip(self.hubs_m.round(6).tolist(), self.spin, strict=True)
@@ -144,13 +144,13 @@ class TrueVehicle:
             "name": "vehicle",
             "mass_kg": {
                 "value": value["mass"],
-                "sd": float(f"{value['mass'] * DOUBTS['mass']:.3g}"),
+                "sd": float(f"{value['mass'] * SD_REL['mass']:.3g}"),
             },
             "inertia_kg_m2": {
                 "xx": value["ixx"],
                 "yy": value["iyy"],
                 "zz": value["izz"],
-                "sd_rel": DOUBTS["inertia"],
+                "sd_rel": SD_REL["inertia"],
             },
             "rotors": [
                 {
@@ -162,10 +162,10 @@ class TrueVehicle:
                 }
                 for (x, y, z), spin in rotors
             ],
-            "thrust_coefficient_N_s2": {"value": value["thrust"], "sd_rel": DOUBTS["thrust"]},
-            "torque_coefficient_Nm_s2": {"value": value["torque"], "sd_rel": DOUBTS["torque"]},
-            "motor_time_constant_s": {"value": value["lag"], "sd_rel": DOUBTS["lag"]},
-            "max_rotor_speed_rad_s": {"value": value["speed"], "sd_rel": DOUBTS["speed"]},
+            "thrust_coefficient_N_s2": {"value": value["thrust"], "sd_rel": SD_REL["thrust"]},
+            "torque_coefficient_Nm_s2": {"value": value["torque"], "sd_rel": SD_REL["torque"]},
+            "motor_time_constant_s": {"value": value["lag"], "sd_rel": SD_REL["lag"]},
+            "max_rotor_speed_rad_s": {"value": value["speed"], "sd_rel": SD_REL["speed"]},
             "rho_kg_m3": RHO_KG_M3,
             "terrain": terrain,
             "effects": {},
@@ -183,7 +183,7 @@ def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> T
 
     Returns
     -------
-    Errors are normal, within two sds of :data:`DOUBTS`.
+    Errors are normal, within two sds of :data:`SD_REL`.
     """
     mass, radius, arm, hover, ixx, lag, volt = (v * rng.uniform(0.88, 1.12) for v in CLASSES[size])
     arm, ixx = arm * LONGER.get(frame, 1.0), ixx * HEAVIER.get(frame, 1.0)
@@ -239,9 +239,9 @@ def _senses(spins: Sequence[str]) -> tuple[int, ...]:
 
 
 def _with_errors(declared: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    doubt_of = {"ixx": "inertia", "iyy": "inertia", "izz": "inertia"}
+    number_of = {"ixx": "inertia", "iyy": "inertia", "izz": "inertia"}
     errors = {
-        k: np.clip(rng.standard_normal(), -2.0, 2.0) * DOUBTS[doubt_of.get(k, k)] for k in declared
+        k: np.clip(rng.standard_normal(), -2.0, 2.0) * SD_REL[number_of.get(k, k)] for k in declared
     }
     return {k: float(v * (1.0 + errors[k])) for k, v in declared.items()}
 
@@ -256,6 +256,6 @@ def declare(true: dict[str, float], rng: np.random.Generator) -> dict[str, float
 
     Returns
     -------
-    Each number off by a normal error of its :data:`DOUBTS`, within two sds.
+    Each number off by a normal error of its :data:`SD_REL`, within two sds.
     """
     return _with_errors(true, rng)

@@ -616,7 +616,7 @@ class Simulation:
             s.load, s.load_v, s.p, s.v, b.mass, b.hid, DT_S
         )
         force += _to_body(self.r, pull + rope)
-        more, moment = attached.strangers(air_body, thrust, b, self.buffet)
+        more, moment = attached.unlisted_loads(air_body, thrust, b, self.buffet)
         return force + more, moment
 
     def _advance(self, force: np.ndarray, moment: np.ndarray) -> None:

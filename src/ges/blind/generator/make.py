@@ -313,8 +313,8 @@ def _write_case(
 ) -> None:
     identity = case.around.identity
     final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
-    for left in (final, folder):
-        shutil.rmtree(left, ignore_errors=True)
+    for stale in (final, folder):
+        shutil.rmtree(stale, ignore_errors=True)
     folder.mkdir(parents=True)
     rng = np.random.default_rng([seed, case.spec.index, 5])
     flights = [

@@ -63,7 +63,7 @@ class Pilot:
         hover_u : (F,) command in hover, 0 to 1.
         thrust_coefficient : (F,) N s^2.
         """
-        self.held = moment
+        self.trim_moment = moment
         # the sum of errors that adds to gravity what hover takes by the declared numbers
         lift = self.rotors * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
         self.sum_pos[2] = (lift - GRAVITY_M_S2) / (0.25 * self.k_vel[2] * self.k_pos[2])
@@ -113,6 +113,6 @@ class Pilot:
         self.sum_rate = np.clip(self.sum_rate + self.dt * flying * lack, -4.0, 4.0)
         moment = self.inertia * (self.gain * (lack + 0.8 * self.sum_rate) + excite[:3])
         # offset and weak rotor make a moment in proportion to the thrust
-        moment -= self.held * thrust / (self.mass * GRAVITY_M_S2)
+        moment -= self.trim_moment * thrust / (self.mass * GRAVITY_M_S2)
         square = np.einsum("ijf,jf->if", self.mixer, np.concatenate([thrust[None], moment]))
         return np.clip(np.sqrt(np.maximum(square, 0.0)) / self.speed, 0.08, 1.0) * flying

@@ -91,7 +91,7 @@ class BaselineClaim:
     statistic: float
 
 
-Answer = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarray]]
+FittedMethod = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarray]]
 
 
 def prepare(recordings: RecordingSet) -> BaselineProblem:
@@ -107,11 +107,11 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     model = from_vehicle(recordings.vehicle, recordings.folder)
     frames = [f.frame for f in recordings.flights]
     gate = pass_gate(frames, model)
-    train, held = split([digest(f) for f in frames], gate.usable(), None)
+    train, held_out = split([digest(f) for f in frames], gate.usable(), None)
     # one shape an effect; what acts through another effect alone has no column without it
     variants = [c.variants[0] for c in library(model).values() if not c.prerequisites]
     used = {i: f for i, f in enumerate(gate.flights) if f}
-    parts = [build([used[i] for i in part], model, variants) for part in (train, held)]
+    parts = [build([used[i] for i in part], model, variants) for part in (train, held_out)]
     first = parts[0]
     if parts[1].names != first.names:
         raise GesError(
@@ -134,7 +134,7 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     beta = _ridge(rows[0].nuisance, rows[0].raw, sd)
     train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
     columns = np.array(first.columns, dtype=object)
-    names = tuple(recordings.flights[i].name for i in held)
+    names = tuple(recordings.flights[i].name for i in held_out)
     return BaselineProblem(
         first.names,
         scale,
@@ -172,7 +172,7 @@ def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
     return np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ y)
 
 
-def stepwise(problem: BaselineProblem) -> Answer:
+def stepwise(problem: BaselineProblem) -> FittedMethod:
     """Select forward at p < 0.05, rows taken as independent.
 
     Returns
@@ -209,7 +209,7 @@ def stepwise(problem: BaselineProblem) -> Answer:
     return claims, lambda r: r.x[:, kept] @ beta
 
 
-def sindy(problem: BaselineProblem) -> Answer:
+def sindy(problem: BaselineProblem) -> FittedMethod:
     """Fit by sequentially thresholded least squares of pysindy.
 
     The threshold is chosen by leaving one flight out. A flight's rows are passed as their
@@ -243,8 +243,10 @@ def sindy(problem: BaselineProblem) -> Answer:
 
     def error(threshold: float) -> float:
         # |R [-b, 1]| = |y - X b| of the flight that was left out
-        left = [packed[f] @ np.r_[-fit(flights[flights != f], threshold), 1.0] for f in flights]
-        return float(sum(e @ e for e in left))
+        residuals = [
+            packed[f] @ np.r_[-fit(flights[flights != f], threshold), 1.0] for f in flights
+        ]
+        return float(sum(e @ e for e in residuals))
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -259,7 +261,7 @@ def sindy(problem: BaselineProblem) -> Answer:
     return claims, lambda r: r.x @ beta
 
 
-def parameters(problem: BaselineProblem) -> Answer:
+def parameters(problem: BaselineProblem) -> FittedMethod:
     """Fit all declared numbers, trims and biases by least squares.
 
     Returns
@@ -283,7 +285,7 @@ def parameters(problem: BaselineProblem) -> Answer:
     return claims, lambda r: r.nuisance @ (beta - prior)
 
 
-def boosting(problem: BaselineProblem) -> Answer:
+def boosting(problem: BaselineProblem) -> FittedMethod:
     """Fit gradient boosting of the residual on all logged channels, channel by channel.
 
     Returns
@@ -311,7 +313,7 @@ def boosting(problem: BaselineProblem) -> Answer:
     return {}, predict
 
 
-METHODS: dict[str, Callable[[BaselineProblem], Answer]] = {
+METHODS: dict[str, Callable[[BaselineProblem], FittedMethod]] = {
     "stepwise": stepwise,
     "sindy": sindy,
     "parameters": parameters,
@@ -370,11 +372,11 @@ def _table(problem: BaselineProblem, predicted: np.ndarray) -> dict:
 
     Channels of faster test functions are left out.
     """
-    held, table = problem.held_out, {}
+    rows, table = problem.held_out, {}
     for c, name in enumerate(problem.names):
-        here = held.channel == c
+        here = rows.channel == c
         if here.any() and "/" not in name:
-            stages = {"before": held.raw, "recalibrated": held.y, "after": held.y - predicted}
+            stages = {"before": rows.raw, "recalibrated": rows.y, "after": rows.y - predicted}
             errors = {
                 k: float(np.sqrt(np.mean(v[here] ** 2)) * problem.scale[c])
                 for k, v in stages.items()

@@ -293,15 +293,15 @@ def _least_squares(
     names: list[str],
     model: Callable[[effect_table.Effects], np.ndarray],
     target: np.ndarray,
-    beside: Sequence[str] = (),
+    given: Sequence[str] = (),
 ) -> tuple[dict[str, dict[str, float]], float]:
     """Return the best parameters of the names, and the share that they explain.
 
-    The share is of what the effects ``beside`` them leave.
+    The share is of what the effects ``given`` them leave.
     """
     from scipy.optimize import least_squares
 
-    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *beside)}
+    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *given)}
     # what is beside the names is fitted with them, or its errors would go into their numbers
     free = [(n, p) for n in table for p in FREE[n]]
     typical = np.array([_typical(table[n][p]) for n, p in free])
@@ -325,7 +325,7 @@ def _least_squares(
     out = least_squares(lambda x: (target - model(effects(x))).ravel(), start, **limits)
     best = effects(out.x)
     # reach = 1 - |target - model|^2 / |target - model of the rest|^2
-    none = target - model({n: best[n] for n in beside})
+    none = target - model({n: best[n] for n in given})
     share = 1.0 - (out.fun**2).sum() / max((none**2).sum(), 1e-30)
     return {n: {p: best[n][p] for p in (*FREE[n], *FIXED.get(n, {}))} for n in names}, float(share)
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, method_folder
-from ges.blind.score.by_world import answer_of, by_rotors, power_table
+from ges.blind.score.by_world import by_rotors, outcome_of, power_table
 from ges.blind.score.coefficients import Comparison, compare
 from ges.blind.score.judge import CATEGORIES, Judgement, judge
 from ges.blind.score.statistics import (
@@ -76,7 +76,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     judged = [judge(n, truths[n], diagnoses[n]) for n in names]
     compared = _against_oracle(folder, truths, {diagnosed: diagnoses})[diagnosed]
     table = _case_table(folder, diagnosed, judged, truths, compared)
-    answers = [answer_of(n, truths[n], diagnoses[n]) for n in names]
+    outcomes = [outcome_of(n, truths[n], diagnoses[n]) for n in names]
     scores = _summary(judged, table, {n: c for n, c in compared.items() if c})
     tables = {
         "cases": table,
@@ -86,8 +86,8 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
         "categories": _outcomes(judged),
         "reliability": reliability_table([s for j in judged for s in j.stated]),
         "oracle": _reach(judged, compared),
-        "power": power_table(answers),
-        "rotors": by_rotors(answers),
+        "power": power_table(outcomes),
+        "rotors": by_rotors(outcomes),
     }
     for name, frame in tables.items():
         write_csv(out / f"{name}.csv", frame)
@@ -393,17 +393,17 @@ def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
         truth = (
             j.truth if j.category in ("single", "parameter", "sensor", "unknown") else (j.category,)
         )
-        answer = j.claimed or (j.verdict,)
+        claimed = j.claimed or (j.verdict,)
         known = set(j.truth) if j.category != "unknown" else set()
         concealed = truth[-1] if truth else j.category
         # true companions are no confusion
-        rows += [(concealed, name) for name in answer if name == concealed or name not in known]
+        rows += [(concealed, name) for name in claimed if name == concealed or name not in known]
         if j.category in ("pair", "triple") and j.claimed and not j.wrong:
             rows.append((concealed, "true names"))
         elif (
             j.category not in ("pair", "triple")
             and j.claimed
-            and not [n for n in answer if n == concealed or n not in known]
+            and not [n for n in claimed if n == concealed or n not in known]
         ):
             rows.append((concealed, "true companion only"))
     frame = pd.DataFrame(rows, columns=["concealed", "answer"])

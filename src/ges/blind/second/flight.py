@@ -165,7 +165,7 @@ class SecondSimulation:
         self.load = self.p - np.stack([nothing, nothing, self.hid["cord_m"]])
         self.load_v = np.zeros((3, count))
         self.slosh, self.slosh_v = np.zeros((2, count)), np.zeros((2, count))
-        self.held = np.zeros((4, count))
+        self.held_command = np.zeros((4, count))
         self.history = np.zeros((512, 4, count))
         steps = self.n * CONTROL
         shaken, blown, seen = [], [], []
@@ -258,12 +258,12 @@ class SecondSimulation:
         """A motor controller reads its command once a frame; it holds it until the next."""
         hid, top = self.hid, self.true["speed"]
         frame = np.maximum(np.round(2.0 * hid["frame_s"] / DT_S), 1.0)
-        self.held = np.where(i % frame == 0.0, self.u, self.held)
+        self.held_command = np.where(i % frame == 0.0, self.u, self.held_command)
         current = (self.w**3).sum(axis=0) / (4.0 * self.hover**3)
         if i % CONTROL == 0:
             battery = (self.charge, self.relax, current, hid["resistance"], hid["drain_1_s"])
             self.charge, self.relax, self.volt = drive.step_battery(*battery, CONTROL * DT_S)
-        asked = self._asked(self.held)
+        asked = self._asked(self.held_command)
         lag = self.true["lag"] * hid["lag_gain"]
         self.w, self.w_rate = drive.step_motor(self.w, self.w_rate, asked, lag, hid["coast"], DT_S)
         plain = (self.plain_w, self.plain_rate, top * self.u, self.true["lag"])

@@ -49,7 +49,7 @@ class Cascade:
         self.drift = np.zeros((3, len(lag_s)))
         self.twist = np.zeros((3, len(lag_s)))
         self.before = np.zeros((3, len(lag_s)))
-        self.held = np.zeros((3, len(lag_s)))
+        self.trim_moment = np.zeros((3, len(lag_s)))
 
     def trim(self, hover_u: np.ndarray, moment: np.ndarray) -> None:
         """Start as on a vehicle that has flown before.
@@ -62,7 +62,7 @@ class Cascade:
         thrust = 4.0 * self.declared["thrust"] * (hover_u * self.declared["speed"]) ** 2
         lacking = thrust / self.declared["mass"] - G_M_S2
         self.drift[2] = lacking / (0.5 * self.velocity_gain)
-        self.held = moment
+        self.trim_moment = moment
 
     def commands(
         self, ref: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, omega: np.ndarray
@@ -99,9 +99,9 @@ class Cascade:
         bend, self.before = (omega - self.before) / self.dt, omega
         turn = self.rate_gain * (lack + 1.2 * self.twist) - 0.02 * bend
         # what a weak rotor or an offset asks for grows with the thrust
-        moment = self.inertia * turn - self.held * thrust / (self.declared["mass"] * G_M_S2)
+        moment = self.inertia * turn - self.trim_moment * thrust / (self.declared["mass"] * G_M_S2)
         # yaw has the least authority of the rotors, and gives up first
-        most = np.abs(self.held[2]) + 0.02 * thrust
+        most = np.abs(self.trim_moment[2]) + 0.02 * thrust
         moment[2] = np.clip(moment[2], -most, most)
         each = np.einsum("fij,jf->if", self.allocation, np.concatenate([thrust[None], moment]))
         speed = np.sqrt(np.maximum(each, 0.0) / self.declared["thrust"])

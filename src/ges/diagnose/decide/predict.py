@@ -18,7 +18,7 @@ from ges.diagnose.estimate.fit import Fitted, free_columns, wide_sds
 from ges.diagnose.library.candidates import amplitude_of, has_prerequisite
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, flight_grams, posterior
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.simulator import effects as effect_table
 
 
@@ -136,7 +136,7 @@ class _LinearFit:
         return density, error_rms
 
 
-def drop_unpredictive(accepted: Accepted, record: Record) -> Accepted:
+def drop_unpredictive(accepted: Accepted, record: DecisionLog) -> Accepted:
     """Drop names that certainly make some flight less probable, the worst first.
 
     Parameters

@@ -26,7 +26,7 @@ from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.simulator import effects as effect_table
 
 
@@ -264,7 +264,7 @@ SEARCH_RULES: tuple[Rule, ...] = (
 
 
 def apply_rules(
-    rules: Sequence[Rule], context: RuleContext, names: Sequence[str], record: Record
+    rules: Sequence[Rule], context: RuleContext, names: Sequence[str], record: DecisionLog
 ) -> tuple[str, ...]:
     """Apply rules in order.
 
@@ -373,7 +373,7 @@ def required_lead(name: str, others: Sequence[str]) -> float:
     -------
     Those of an acceptance, twice as many over its usual companion.
     """
-    usual = effect_table.get(name).usual_beside in others
+    usual = effect_table.get(name).usual_with in others
     return (2.0 if usual else 1.0) * settings.statistics.acceptance_log_odds
 
 

@@ -28,7 +28,7 @@ from ges.diagnose.estimate.contributions import contributions, size_of_contribut
 from ges.diagnose.estimate.fit import Fitted, fitted_model
 from ges.diagnose.locate.stages import Stage, Start, make_stage
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 
 
@@ -56,7 +56,7 @@ def explain_flights(
     start: Start,
     nominal: Model,
     nominal_gusts: Mapping[str, float] | None,
-    record: Record,
+    record: DecisionLog,
     only: Sequence[str] | None,
 ) -> Explanation:
     """Accept what the library explains, fit it in full, and find gusts in the residuals.
@@ -133,7 +133,7 @@ def _more_than_gusts(gusts: Gusts, fitted: Fitted) -> Decision:
 
 
 def _without_form_errors(
-    explanation: Explanation, start: Start, nominal: Model, record: Record
+    explanation: Explanation, start: Start, nominal: Model, record: DecisionLog
 ) -> Explanation:
     """Drop names that may be a form error of an unmeasured thrust curve."""
     accepted, thrust = explanation.accepted, thrust_of(explanation, start.system)
@@ -194,7 +194,7 @@ def refit_with_open_names(
     unexplained: list[Structure],
     start: Start,
     nominal: Model,
-    record: Record,
+    record: DecisionLog,
 ) -> tuple[Explanation, list[Structure]]:
     """Refit with each open name; the most probable becomes part of the last stage.
 
@@ -227,7 +227,7 @@ def refit_with_open_names(
     return refitted, unexplained_structures(refitted.structures, refitted.last.model)
 
 
-def practically_significant(name: str, size: Mapping, model: Model, record: Record) -> bool:
+def practically_significant(name: str, size: Mapping, model: Model, record: DecisionLog) -> bool:
     """Decide whether a finding is above the practical significance threshold of its channel.
 
     Parameters

@@ -311,12 +311,12 @@ def nuisances(
         present.add("command")
     voltage = all(f.has("battery") for f in flights)
     listed = [
-        _nuisance(f"{effect.name}.{p.name}", p.doubt, model, flights)
+        _nuisance(f"{effect.name}.{p.name}", p.prior, model, flights)
         for effect in effect_table.table().values()
         if attitude_measured(flights) or not needs_attitude(effect.name)
         if not effect.modifies or effect.modifies in model.effects
         for p in effect.of_rotors(model.n_rotors)
-        if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
+        if p.prior and set(p.prior.shows_in) & present and (voltage or not p.prior.with_voltage)
     ]
     # the top speed is a number of the vehicle: no effect's descriptor has a prior for it
     if "drive" in present:
@@ -327,7 +327,7 @@ def nuisances(
 
 
 def _nuisance(
-    key: str, prior: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
+    key: str, prior: effect_table.ParameterPrior, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
     """Return one parameter with its priors, centred on the vehicle file."""
     effect, parameter = ParameterKey.of(key)

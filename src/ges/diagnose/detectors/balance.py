@@ -21,7 +21,7 @@ from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -196,7 +196,7 @@ def _as_finding(
         note = f"near rotor {cause.rotor}" + (
             f"; the vehicle file has {start:.3g}" if start else ""
         )
-        estimates[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
+        estimates[key] = FittedParameter(start + per * cause.value, (low, high), units[key], note)
     return Finding.of(name, float(probability), estimates, is_open=True)
 
 

@@ -27,7 +27,7 @@ from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequis
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding
+from ges.diagnose.types.finding import Finding, FittedParameter
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -79,7 +79,7 @@ class Gusts:
 
     def finding(self) -> Finding:
         """Return the gusts as a finding of the contract."""
-        value = Estimate(self.strength_m_s, self.ci95, "m/s")
+        value = FittedParameter(self.strength_m_s, self.ci95, "m/s")
         size = {
             "value": self.force_N,
             "unit": "N",
@@ -273,7 +273,7 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     first = np.cumsum([0, *(len(f.at) for f in forces)])
     # wind, profile and drag may be anything; a trim is a tilt within its prior sd, a share of
     # weight
-    tilt = effect_table.get("attitude_bias").parameters[0].doubt
+    tilt = effect_table.get("attitude_bias").parameters[0].prior
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _EquivalentWind(
         np.concatenate([f.wind for f in forces]),

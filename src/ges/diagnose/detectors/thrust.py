@@ -20,7 +20,7 @@ from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED
 from ges.diagnose.types.words import number_words
@@ -50,7 +50,7 @@ class UnmeasuredThrust:
 
     system: System
     key: str
-    excess: Estimate
+    excess: FittedParameter
     prior_sd: float
     rivals: tuple[str, ...]
 
@@ -195,5 +195,9 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     )
     sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
     return UnmeasuredThrust(
-        system, key, Estimate(value, interval95(value, sd), "1"), prior_sds[key] / unit, rivals
+        system,
+        key,
+        FittedParameter(value, interval95(value, sd), "1"),
+        prior_sds[key] / unit,
+        rivals,
     )

@@ -243,8 +243,8 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
         then > settings.statistics.certain_sds * sds[1]
         and max(abs(now), sds[0]) < p.at_once_share * then
     )
-    held = fades and after < (1.0 - settings.statistics.least_gain) * then
-    return CommandHold(0.5, p.at_once_share) if held else default_command_hold()
+    holds = fades and after < (1.0 - settings.statistics.least_gain) * then
+    return CommandHold(0.5, p.at_once_share) if holds else default_command_hold()
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:

@@ -34,7 +34,7 @@ from ges.diagnose.report.sentence import with_sentence
 from ges.diagnose.report.vehicle import fitted_vehicle
 from ges.diagnose.report.verdict import remark_of, verdict_of
 from ges.diagnose.report.workings import Workings
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.model import Model
 
 
@@ -50,7 +50,7 @@ def compose_diagnosis(
     located: Sequence[dict],
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
-    record: Record,
+    record: DecisionLog,
     names_searched: bool,
 ) -> Diagnosis:
     """Put the diagnosis together.

@@ -380,7 +380,7 @@ def _rotor_speeds(
             currents[f"motor_current_{i}_A"] = np.interp(t_s, own.t_s, own["Curr"])
     stream = Stream(t_s, speeds, "ESC")
     if command is not None and not stated:
-        why, spoken_for = rotor_order.doubt(command, stream)
+        why, spoken_for = rotor_order.check_order(command, stream)
         if why and spoken_for:
             log.notes.append(
                 "the rotor speeds are not used: by the output channels they are in one order, but"

@@ -280,10 +280,10 @@ def _open(path: Path) -> Uorb:
         ) from None
     if not _is_whole(data) or raw.file_corruption:
         log.notes.append("the log is cut short or damaged; the samples that can be read are used")
-    lost_s = sum(dropout.duration for dropout in raw.dropouts) * 1e-3
-    if lost_s > 0:
+    dropout_s = sum(dropout.duration for dropout in raw.dropouts) * 1e-3
+    if dropout_s > 0:
         log.notes.append(
-            f"the logger lost {lost_s:.2g} s of samples ({len(raw.dropouts)} dropouts)"
+            f"the logger lost {dropout_s:.2g} s of samples ({len(raw.dropouts)} dropouts)"
         )
     return log
 
@@ -536,7 +536,7 @@ def _rotor_speeds(
     speeds = Stream(topic.t_s, dict(_each_esc(topic, order, "rpm")), "esc_status")
     # in which order controllers were wired, only the commands can show
     if not known and command is not None:
-        why, _ = rotor_order.doubt(command, speeds)
+        why, _ = rotor_order.check_order(command, speeds)
         if why:
             log.notes.append(
                 "the rotor speeds are not used, as the log does not say which motor each is of and"

@@ -79,7 +79,7 @@ class TopicMap(pydantic.BaseModel):
 
     @pydantic.field_validator("definitions")
     @classmethod
-    def _beside(cls, folder: Path | None) -> Path | None:
+    def _folder_of(cls, folder: Path | None) -> Path | None:
         if folder is not None and (folder.is_absolute() or ".." in folder.parts):
             raise ValueError(f"'{folder}' must lie beside the map file; give its name alone")
         return folder
@@ -176,12 +176,12 @@ class _Bag:
         return {"t_s": np.array(times), **dict(zip(names or (), table, strict=True))}
 
 
-def _typestore(mapping: TopicMap, beside: Path | None) -> Any:
+def _typestore(mapping: TopicMap, folder: Path | None) -> Any:
     """Collect types of messages for a bag that does not hold their definitions."""
     typesys = optional_module("rosbags.typesys", "ros", "ROS bags")
     store = typesys.get_typestore(typesys.Stores.LATEST)
     if mapping.definitions is not None:
-        folder = (beside or Path()) / mapping.definitions
+        folder = (folder or Path()) / mapping.definitions
         files = sorted(folder.glob("*/msg/*.msg"))
         if not files:
             raise UsageError(f"{folder} holds no PACKAGE/msg/NAME.msg; mend 'definitions'")
@@ -283,7 +283,9 @@ def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> d
     return streams
 
 
-def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) -> dict[str, Stream]:
+def _with_ordered_speeds(
+    streams: dict[str, Stream], options: Options, notes: list[str]
+) -> dict[str, Stream]:
     """Leave out rotor speeds whose order the commands do not confirm."""
     command, speed = streams.get("command"), streams.get("rotor_speed")
     if command is None or speed is None:
@@ -292,7 +294,7 @@ def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) ->
         order = [f"rotor_speed_{k}_rad_s" for k in options.order_of(len(speed.columns)) or ()]
         columns = {f"rotor_speed_{i}_rad_s": speed.columns[name] for i, name in enumerate(order, 1)}
         return streams | {"rotor_speed": Stream(speed.t_s, columns, speed.source)}
-    why, _ = rotor_order.doubt(command, speed)
+    why, _ = rotor_order.check_order(command, speed)
     if why:
         notes.append(
             "the rotor speeds are not used, as the bag does not say which motor each is of and"
@@ -358,8 +360,8 @@ class Ros:
         mapping = TopicMap.model_construct(definitions=None)
         if options.mapping is not None:
             mapping = load_map(options.mapping, TopicMap)
-        beside = Path(options.mapping).parent if options.mapping is not None else None
-        store = _typestore(mapping, beside)
+        folder = Path(options.mapping).parent if options.mapping is not None else None
+        store = _typestore(mapping, folder)
         notes: list[str] = []
         try:
             with highlevel.AnyReader([path], default_typestore=store) as reader:
@@ -367,7 +369,7 @@ class Ros:
                 mapping, chosen = _map_for(bag, options)
                 notes += [chosen] if chosen else []
                 uorb = _uorb(bag, mapping, options, notes)
-                mapped = _in_doubt(_mapped(bag, mapping, options, notes), options, notes)
+                mapped = _with_ordered_speeds(_mapped(bag, mapping, options, notes), options, notes)
         except (GesError, OSError):
             raise
         except KeyError as error:

@@ -61,7 +61,7 @@ def _without(r: np.ndarray, i: int, k: int) -> np.ndarray:
     return changed
 
 
-def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
+def check_order(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
     """Check whether the commands confirm the order of the speed readings.
 
     Parameters

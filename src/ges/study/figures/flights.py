@@ -177,7 +177,7 @@ def form_curve(form: str, fitted: pd.Series, z_over_r: np.ndarray, vehicle: Vehi
 
 
 def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float | str]:
-    radius, doubt = vehicle.rotors[0].radius_m.value, vehicle.rotors[0].z_m.sd
+    radius, height_sd = vehicle.rotors[0].radius_m.value, vehicle.rotors[0].z_m.sd
     height, ratio = blocks["z_over_r"].to_numpy() * radius, blocks["ratio"].to_numpy()
     flights = pd.get_dummies(blocks["flight"]).to_numpy(dtype=float)
     # far from the ground only noise moves the ratio
@@ -188,7 +188,7 @@ def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float |
         # variable projection: given the shape, the best scale of a flight is linear least squares
         scale = (flights.T @ (ratio * shape)) / (flights.T @ shape**2)
         # the last row is the offset's prior: mean 0, deviation as the vehicle file doubts it
-        return np.append((ratio - (flights @ scale) * shape) / noise, x[0] / doubt)
+        return np.append((ratio - (flights @ scale) * shape) / noise, x[0] / height_sd)
 
     own = form == "exponential"
     bounds = ([-0.1, 0.01, 0.3], [0.2, 2.0, 5.0]) if own else ([-0.04], [0.2])

@@ -104,13 +104,13 @@ def fly_profile(
     for numbers in json.loads(Path(profile).read_text())["refitted"]:
         # held is a section through the misfit, refitted its profile: a section alone makes a
         # number look known that the others could make up for
-        held = search.arms({**calibrated, GAIN: numbers[GAIN]})
+        fixed = search.arms({**calibrated, GAIN: numbers[GAIN]})
         arms = search.arms(numbers)
         misfit = calibrate.misfit(search.flown(arms))
         rows.append(
             {
                 GAIN: numbers[GAIN],
-                "held": calibrate.misfit(search.flown(held)),
+                "held": calibrate.misfit(search.flown(fixed)),
                 "refitted": misfit,
                 "figures": figures,
                 "within": int(misfit < figures),

@@ -188,8 +188,8 @@ def write(vehicle: Vehicle) -> Export:
         )
     if abs(p.lag_up_s - p.lag_down_s) > 1e-6:
         remarks.append("SIH has one time constant: the mean of speeding up and down.")
-    across, along = p.effect("rotor_drag", "k_kg"), p.effect("axial_inflow", "k_kg")
-    if across != along:
+    across_thrust, along_thrust = p.effect("rotor_drag", "k_kg"), p.effect("axial_inflow", "k_kg")
+    if across_thrust != along_thrust:
         remarks.append(
             "SIH_KDV drags alike in all directions: that across the rotors is taken, that along"
             " them is lost."
@@ -205,7 +205,7 @@ def write(vehicle: Vehicle) -> Export:
         "SIH_L_ROLL": float(hubs[:, 1].mean()),
         "SIH_L_PITCH": float(hubs[:, 0].mean()),
         # k = K / (4 w) of the reader, backwards
-        "SIH_KDV": across * 4 * p.hover_rad_s,
+        "SIH_KDV": across_thrust * 4 * p.hover_rad_s,
         "SIH_KDW": 0.0,
         "SIH_T_TAU": 0.5 * (p.lag_up_s + p.lag_down_s),
     }
