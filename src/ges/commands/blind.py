@@ -205,11 +205,11 @@ def changes(before: Path, after: Path) -> None:
     """
     from ges.blind.score.changes import changed_cases
 
-    found = changed_cases(before, after)
-    for case, differences in found.items():
+    changed = changed_cases(before, after)
+    for case, differences in changed.items():
         click.echo(f"{case}: {len(differences)} differences, {differences[0]}")
-    click.echo(f"{len(found)} cases differ", err=True)
-    if found:
+    click.echo(f"{len(changed)} cases differ", err=True)
+    if changed:
         sys.exit(1)
 
 

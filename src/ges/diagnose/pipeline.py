@@ -40,7 +40,7 @@ def diagnose(
     holdout: Sequence[str] | None = None,
     folder: Path | str = ".",
     names: Sequence[str] | None = None,
-    watch: Watch = lambda step, known: None,
+    watch: Watch = lambda step, results: None,
 ) -> Diagnosis:
     """Find what a simulator lacks, from recorded flights.
 
@@ -56,7 +56,7 @@ def diagnose(
     folder : folder of the height map that ``vehicle`` names.
     names : effects to fit instead of searching: what could be reached if the causes were known. A
         name that the flights cannot show is left out.
-    watch : called as ``watch(step, known)`` when a step ends. Steps are ``"located"`` with the
+    watch : called as ``watch(step, results)`` when a step ends. Steps are ``"located"`` with the
         cells of the map of residuals, and ``"fitted"`` with the accepted names.
 
     Returns

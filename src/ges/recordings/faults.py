@@ -206,7 +206,7 @@ def faults(n_rotors: int = 4) -> dict[str, Fault]:
     return {f.name: f for f in every}
 
 
-def found(
+def find_faults(
     frames: Sequence[pd.DataFrame], vehicle: Vehicle | None = None
 ) -> tuple[list[Fault], float]:
     """Find the faults that explain how the streams of flights differ.
@@ -263,15 +263,15 @@ def _mended(
     mixer: Callable[[pd.DataFrame], dict[str, PairFit]],
 ) -> Fits:
     """Compute fits of corrected flights, by flight and pair, up to one that refutes the fault."""
-    found: dict[tuple[int, str], PairFit] = {}
+    mended: dict[tuple[int, str], PairFit] = {}
     for k, frame in enumerate(frames):
         better = fault.mend(frame)
         pairs = kinematic_fits(better) | mixer(better)
-        found |= {(k, what): fit for what, fit in pairs.items()}
+        mended |= {(k, what): fit for what, fit in pairs.items()}
         so_far = {key: fit for key, fit in as_logged.items() if key[0] <= k}
-        if _log_likelihood(found) < _log_likelihood(so_far) - REFUTED_NATS:
+        if _log_likelihood(mended) < _log_likelihood(so_far) - REFUTED_NATS:
             break
-    return found
+    return mended
 
 
 def _log_likelihood(fits: Fits) -> float:
@@ -302,7 +302,7 @@ def sentence(alike: Sequence[Fault], log_odds: float) -> str:
 
     Parameters
     ----------
-    alike, log_odds : what :func:`found` returns, with one fault at least.
+    alike, log_odds : what :func:`find_faults` returns, with one fault at least.
     """
     odds = (
         f"10^{log_odds / np.log(10.0):.0f}" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"

@@ -78,10 +78,10 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
     GesError
         When they are not.
     """
-    found = hashlib.sha256(content).hexdigest()
-    if found != sha256:
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != sha256:
         raise GesError(
-            f"{name} has SHA-256 {found[:12]}..., published was {sha256[:12]}...; it was changed,"
+            f"{name} has SHA-256 {digest[:12]}..., published was {sha256[:12]}...; it was changed,"
             " take a fresh copy"
         )
     return content

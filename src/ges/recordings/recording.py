@@ -318,7 +318,7 @@ def make_set(
             raise GesError(problem)
         flights.append(RecordedFlight(name, good))
         warnings += noticed
-    alike, log_odds = faults.found([f.frame for f in flights], vehicle)
+    alike, log_odds = faults.find_faults([f.frame for f in flights], vehicle)
     if alike:
         raise GesError(f"{flights[0].name}: {faults.sentence(alike, log_odds)}")
     return RecordingSet(vehicle, tuple(flights), Path(folder), tuple(warnings))
@@ -403,11 +403,12 @@ def read_parquet(path: Path) -> pa.Table:
 def _read(path: Path) -> pd.DataFrame:
     table = read_parquet(path)
     for field in table.schema:
-        unit, known = (field.metadata or {}).get(b"unit", b""), unit_of(field.name)
+        unit, expected = (field.metadata or {}).get(b"unit", b""), unit_of(field.name)
         stated = unit.decode(errors="replace")
-        if stated and known and stated != known:
+        if stated and expected and stated != expected:
             raise GesError(
-                f"{path.name}: the file calls {field.name} a number of {stated}; it must be {known}"
+                f"{path.name}: the file calls {field.name} a number of {stated}; it must be"
+                f" {expected}"
             )
     return table.to_pandas(ignore_metadata=True)
 

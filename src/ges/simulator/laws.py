@@ -198,22 +198,22 @@ def parse(channel: str, text: str) -> dict[Term, float]:
     """
     if channel not in CHANNELS:
         raise unknown_name("channel of a law", channel, CHANNELS)
-    found: dict[Term, float] = {}
+    terms: dict[Term, float] = {}
     at = 0
-    while at < len(text) or not found:
+    while at < len(text) or not terms:
         met = _TERM.match(text, at)
         # the sign of every term but the first stands before its number
-        if not met or (found and met["number"].lstrip()[0] not in "+-"):
+        if not met or (terms and met["number"].lstrip()[0] not in "+-"):
             raise UsageError(
                 f"the law of {channel} cannot be read at '{text[at:].strip()}'; a term is a number,"
                 " then 'm g' or 'T', of a moment 'm g L' or 'T L', then groups such as (V_x/v_h),"
                 " (R/h)^2 or (V_x/v_h)|V_x/v_h|, then a place, near(1 m, 2 m, 0.5 m)"
             )
         term, at = _term(channel, met), met.end()
-        if term in found:
+        if term in terms:
             raise UsageError(f"the law of {channel} has the term '{term.text}' twice; add them up")
-        found[term] = float(re.sub(r"\s", "", met["number"]))
-    return found
+        terms[term] = float(re.sub(r"\s", "", met["number"]))
+    return terms
 
 
 def _term(channel: str, met: re.Match[str]) -> Term:

@@ -315,13 +315,13 @@ class Pages:
             When there are no such logs.
         """
         logs = self.workspace.logs(request.path_params["id"])
-        found = await self._examined(logs)
+        examined = await self._examined(logs)
         return page(
             "logs.html.j2",
             logs=logs,
             about=logs.about,
-            found=[{**f, "sentences": list(sentences(f))} for f in found],
-            usable=[f["name"] for f in found if f["usable"]],
+            examined=[{**f, "sentences": list(sentences(f))} for f in examined],
+            usable=[f["name"] for f in examined if f["usable"]],
             library=[(name, library.title(name)) for name in library.names()],
             layouts=list(LAYOUTS),
             presets=preset_names(),
@@ -334,14 +334,14 @@ class Pages:
 
     async def _examined(self, logs: Logs) -> list[dict[str, Any]]:
         async with self._doctor:
-            found = logs.examined()
-            if found is None:
+            examined = logs.examined()
+            if examined is None:
                 names = logs.names()
                 words = ["doctor", "--json", *asking.reading(logs, rotor_order=False)]
                 ended = await ask([*words, "--", *names], logs.files) if names else None
-                found = _parse_examined(ended.out, ended.problem, names) if ended else []
-                logs.keep_examined(found)
-        return found
+                examined = _parse_examined(ended.out, ended.problem, names) if ended else []
+                logs.keep_examined(examined)
+        return examined
 
     async def reading(self, request: Request) -> Response:
         """Keep how the logs are to be read, and go on to their page.
@@ -452,13 +452,13 @@ class Pages:
         key = self.workspace.diagnosis(request.path_params["id"]).id
         # a browser that lost the connection says which step it saw last
         last = request.headers.get("last-event-id") or request.query_params.get("last", "")
-        known = int(last) + 1 if last.isdecimal() and len(last) < 10 else 0
-        return StreamingResponse(self._events(key, known), media_type="text/event-stream")
+        first = int(last) + 1 if last.isdecimal() and len(last) < 10 else 0
+        return StreamingResponse(self._events(key, first), media_type="text/event-stream")
 
-    async def _events(self, key: str, known: int) -> AsyncIterator[str]:
+    async def _events(self, key: str, first: int) -> AsyncIterator[str]:
         job = self.jobs.get(key)
         if job:
-            async for number, step in job.follow(known):
+            async for number, step in job.follow(first):
                 yield f"id: {number}\nevent: step\ndata: {json.dumps(step)}\n\n"
         yield "event: over\ndata: {}\n\n"
 
@@ -600,5 +600,5 @@ def _name(about: dict[str, Any]) -> str:
 def _parse_examined(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
     """Read what ``ges doctor --json`` wrote; where it failed, that."""
     with contextlib.suppress(json.JSONDecodeError):
-        return [{**asking.NOTHING_FOUND, **found} for found in json.loads(text)]
-    return [{**asking.NOTHING_FOUND, "name": name, "problem": problem} for name in names]
+        return [{**asking.UNREAD, **examined} for examined in json.loads(text)]
+    return [{**asking.UNREAD, "name": name, "problem": problem} for name in names]

@@ -145,14 +145,14 @@ class Logs(Kept):
         """
         return read_kept(self.path / "doctor.json", list) or None
 
-    def keep_examined(self, found: list[dict[str, Any]]) -> None:
+    def keep_examined(self, examined: list[dict[str, Any]]) -> None:
         """Keep what ``ges doctor`` said.
 
         Parameters
         ----------
-        found : one mapping a file.
+        examined : one mapping a file.
         """
-        write_json(self.path / "doctor.json", found)
+        write_json(self.path / "doctor.json", examined)
 
     def forget_examined(self) -> None:
         """Remove the answer of ``ges doctor``, after files or their reading changed."""

@@ -128,25 +128,25 @@ class Job:
         """Whether the diagnosis has ended, in whatever way."""
         return self.state not in ("waiting", "running")
 
-    async def follow(self, known: int = 0) -> AsyncIterator[tuple[int, dict[str, Any]]]:
+    async def follow(self, first: int = 0) -> AsyncIterator[tuple[int, dict[str, Any]]]:
         """Wait for steps as they end.
 
         Parameters
         ----------
-        known : number of the first step to give, from 0.
+        first : number of the first step to give, from 0.
 
         Yields
         ------
         Number and content of each step, until the diagnosis is over.
         """
         while True:
-            for number in range(known, len(self.steps)):
+            for number in range(first, len(self.steps)):
                 yield number, self.steps[number]
-            known = max(known, len(self.steps))
+            first = max(first, len(self.steps))
             if self.over:
                 return
             async with self.news:
-                while len(self.steps) <= known and not self.over:
+                while len(self.steps) <= first and not self.over:
                     await self.news.wait()
 
 

@@ -162,13 +162,13 @@ def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
 def _flying(ratio: np.ndarray) -> np.ndarray:
     """Select bins whose lift over drive is that of flight, not of standing with idling rotors."""
     # lift over drive is about one number in flight, and far more where the ground carries
-    known = np.isfinite(ratio) & (ratio > 0)
-    if known.sum() < FEWEST_BINS:
-        return known
+    finite = np.isfinite(ratio) & (ratio > 0)
+    if finite.sum() < FEWEST_BINS:
+        return finite
     # a log may stand longer than it flies: the median settles among those near a low start
-    centre = float(np.quantile(ratio[known], 0.25))
+    centre = float(np.quantile(ratio[finite], 0.25))
     for _ in range(5):
-        near = known & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
+        near = finite & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
         if not near.any():
             break
         centre = float(np.median(ratio[near]))

@@ -190,30 +190,30 @@ def _airframe(
     UsageError
         When the flight contradicts their order or spins.
     """
-    known = of_rotors(count)
+    layouts = of_rotors(count)
     if layout is not None:
-        found = airframe.from_layout(layout, prop, wheelbase_m)
+        built = airframe.from_layout(layout, prop, wheelbase_m)
     # older headers do not say which way the motors turn; yaw shows it
     elif log.format == "betaflight" and "yaw_motors_reversed" not in log.parameters:
-        found = airframe.from_layout(_propellers_out(seen, prop), prop, wheelbase_m)
+        built = airframe.from_layout(_propellers_out(seen, prop), prop, wheelbase_m)
     elif log.format in ("px4", "ardupilot", "betaflight", "crazyflie"):
-        found = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
+        built = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
     else:
-        found = airframe.from_layout(_layout_flown(seen, prop, known), prop, wheelbase_m)
-    if len(found.rotors) != count:
+        built = airframe.from_layout(_layout_flown(seen, prop, layouts), prop, wheelbase_m)
+    if len(built.rotors) != count:
         raise UsageError(
-            f"the log has commands or speeds of {count} motors, its frame {len(found.rotors)}; give"
-            f" --frame, one of {', '.join(known) or 'none that is known'}"
+            f"the log has commands or speeds of {count} motors, its frame {len(built.rotors)}; give"
+            f" --frame, one of {', '.join(layouts) or 'none that is known'}"
         )
     # a wrong order makes every moment wrong and no force: nothing later would show it
-    if seen and (against := seen.contradicted(found.rotors)):
-        fits = [n for n in known if _fits(n, seen, prop)]
-        hint = f"it fits --frame {fits[0]}" if fits else f"layouts are {', '.join(known)}"
+    if seen and (against := seen.contradicted(built.rotors)):
+        fits = [n for n in layouts if _fits(n, seen, prop)]
+        hint = f"it fits --frame {fits[0]}" if fits else f"layouts are {', '.join(layouts)}"
         raise UsageError(
             f"the flight contradicts the order or spins of the motors in {_listed(against)}:"
             f" the vehicle turns otherwise than its commands would turn it; {hint}"
         )
-    return found
+    return built
 
 
 def _listed(words: list[str]) -> str:
@@ -233,19 +233,19 @@ def _propellers_out(seen: Turning | None, prop: Propeller) -> str:
     return other if against == ["yaw"] else usual
 
 
-def _layout_flown(seen: Turning | None, prop: Propeller, known: Sequence[str]) -> str:
+def _layout_flown(seen: Turning | None, prop: Propeller, layouts: Sequence[str]) -> str:
     """Find the one layout that the flight itself shows."""
-    fits = [name for name in known if seen and _fits(name, seen, prop)]
+    fits = [name for name in layouts if seen and _fits(name, seen, prop)]
     if len(fits) != 1:
         raise UsageError(
             "the log does not say how the motors are arranged and the flight does not show it"
-            f" clearly; give --frame, one of {', '.join(known) or 'none that is known'}"
+            f" clearly; give --frame, one of {', '.join(layouts) or 'none that is known'}"
         )
     return fits[0]
 
 
-def _rotors_source(found: Airframe, seen: Turning | None) -> str:
-    confirmed = seen.confirmed(found.rotors) if seen else []
+def _rotors_source(built: Airframe, seen: Turning | None) -> str:
+    confirmed = seen.confirmed(built.rotors) if seen else []
     checked = (
         f"The flight bears that out in {_listed(confirmed)}."
         if confirmed
@@ -253,7 +253,7 @@ def _rotors_source(found: Airframe, seen: Turning | None) -> str:
         " steered."
     )
     return (
-        f"{found.source} {checked} Radius as given. How high the rotors lie over the centre of mass"
+        f"{built.source} {checked} Radius as given. How high the rotors lie over the centre of mass"
         " no log tells."
     )
 

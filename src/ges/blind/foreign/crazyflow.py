@@ -74,9 +74,9 @@ NAMES = drone_models.NAMES | {"weak": "weak_rotor"}
 def designs(half: str) -> list[CrazyflowDesign]:
     """Return the sets of a half; one drone is in both, small sizes differ."""
     small = {"development": 0.3, "evaluation": 0.4}[half]
-    found = [CrazyflowDesign(d, copy=k) for d in DRONES[half] for k in range(2)]
+    listed = [CrazyflowDesign(d, copy=k) for d in DRONES[half] for k in range(2)]
     for d in DRONES[half]:
-        found += [
+        listed += [
             CrazyflowDesign(d, across=1.0),
             CrazyflowDesign(d, across=small),
             CrazyflowDesign(d, along=1.0),
@@ -85,7 +85,7 @@ def designs(half: str) -> list[CrazyflowDesign]:
             CrazyflowDesign(d, across=1.0, along=1.0, propeller=1.0, linear=True),
         ]
     first, second = DRONES[half]
-    return found + [
+    return listed + [
         CrazyflowDesign(first, propeller=2.0),
         CrazyflowDesign(second, across=1.0, weak=0.1),
         CrazyflowDesign(first, wrong={"mass": 0.86}),

@@ -75,16 +75,16 @@ def designs(half: str) -> list[DroneModelsDesign]:
     """Return the sets of a half; one drone is in both, small sizes differ."""
     drones = {"development": DRONES[:2], "evaluation": DRONES[1:]}[half]
     small = {"development": 0.25, "evaluation": 0.35}[half]
-    found = [DroneModelsDesign(d, copy=k) for d in drones for k in range(2)]
+    listed = [DroneModelsDesign(d, copy=k) for d in drones for k in range(2)]
     for d in drones:
-        found += [
+        listed += [
             DroneModelsDesign(d, across=1.0),
             DroneModelsDesign(d, across=small),
             DroneModelsDesign(d, along=1.0),
             DroneModelsDesign(d, across=1.0, along=1.0),
             DroneModelsDesign(d, propeller=2.0),
         ]
-    return found + [
+    return listed + [
         DroneModelsDesign(drones[0], across=1.0, propeller=2.0),
         DroneModelsDesign(drones[1], wrong={"lag": 0.55}),
         DroneModelsDesign(drones[0], wrong={"mass": 1.13}),

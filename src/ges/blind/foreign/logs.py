@@ -96,12 +96,12 @@ def designs(half: str) -> list[LogDesign]:
     Three of the flight in Gazebo, of which each half has its own part, and for development one of
     SIH.
     """
-    found = [
+    listed = [
         LogDesign(GAZEBO),
         LogDesign(GAZEBO, ("rotor_drag",)),
         LogDesign(GAZEBO, wrong={"mass_kg": 0.86 if half == "development" else 1.13}),
     ]
-    return found + ([LogDesign(SIH)] if half == "development" else [])
+    return listed + ([LogDesign(SIH)] if half == "development" else [])
 
 
 def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sources) -> None:

@@ -117,16 +117,16 @@ def designs(half: str) -> list[RotorpyDesign]:
         ("axial_inflow", "parasitic_drag"),
         ("translational_lift", "parasitic_drag"),
     ]
-    found = [RotorpyDesign(v, copy=k) for v in both for k in range(4)]
-    found += [RotorpyDesign(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
-    found += [RotorpyDesign("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
-    found += [RotorpyDesign("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
-    found += [RotorpyDesign("hummingbird", dict.fromkeys(effects[:3], 1.0))]
-    found += [RotorpyDesign(v, {"flapping": 1.0}) for v in both]
+    listed = [RotorpyDesign(v, copy=k) for v in both for k in range(4)]
+    listed += [RotorpyDesign(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
+    listed += [RotorpyDesign("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
+    listed += [RotorpyDesign("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
+    listed += [RotorpyDesign("hummingbird", dict.fromkeys(effects[:3], 1.0))]
+    listed += [RotorpyDesign(v, {"flapping": 1.0}) for v in both]
     odd = {"development": 1.0, "evaluation": 0.7}[half]
-    found += [RotorpyDesign(v, strange={n: odd}) for v in both for n in STRANGE[v]]
+    listed += [RotorpyDesign(v, strange={n: odd}) for v in both for n in STRANGE[v]]
     for vehicle, speed in zip(both, wind, strict=True):
-        found += [
+        listed += [
             RotorpyDesign(vehicle, {"rotor_drag": 1.0}, wind_m_s=speed),
             RotorpyDesign(vehicle, {"parasitic_drag": 1.0}, wind_m_s=speed),
             RotorpyDesign(vehicle, {"rotor_drag": 1.0}, gusts=("dryden", 0.4 * speed)),
@@ -140,14 +140,14 @@ def designs(half: str) -> list[RotorpyDesign]:
     wrong += [("hummingbird", {"torque": 0.65}), ("crazyflie", {"torque": 1.45})]
     wrong += [("hummingbird", {"inertia": 1.45}), ("crazyflie", {"inertia": 0.65})]
     wrong += [("hummingbird", {"lag": 8.0}), ("crazyflie", {"lag": 0.5})]
-    found += [RotorpyDesign("hexarotor", copy=k) for k in range(2)]
-    found += [RotorpyDesign("hexarotor", {n: 1.0}) for n in effects]
-    found += [
+    listed += [RotorpyDesign("hexarotor", copy=k) for k in range(2)]
+    listed += [RotorpyDesign("hexarotor", {n: 1.0}) for n in effects]
+    listed += [
         RotorpyDesign("hexarotor", {"rotor_drag": 1.0}, wind_m_s=wind[0]),
         RotorpyDesign("hexarotor", shift_m=(0.008, -0.006)),
     ]
     wrong += [("hexarotor", {"mass": 1.13}), ("hexarotor", {"torque": 0.65})]
-    return found + [RotorpyDesign(v, wrong=w) for v, w in wrong]
+    return listed + [RotorpyDesign(v, wrong=w) for v, w in wrong]
 
 
 def _fly_design(
@@ -473,13 +473,13 @@ def _vehicles_without(
         one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
         return one
 
-    found = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
-    found |= {n: vehicle((), design.shift_m, (n,)) for n in design.strange}
+    vehicles = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
+    vehicles |= {n: vehicle((), design.shift_m, (n,)) for n in design.strange}
     if any(design.shift_m):
-        found["cg_offset"] = vehicle((), (0.0, 0.0))
+        vehicles["cg_offset"] = vehicle((), (0.0, 0.0))
     if design.wind_m_s or design.gusts[0]:
-        found["wind" if design.wind_m_s else "gusts"] = None
-    return found
+        vehicles["wind" if design.wind_m_s else "gusts"] = None
+    return vehicles
 
 
 def _row(

@@ -77,10 +77,10 @@ class SecondDesign:
 
     def all_names(self) -> tuple[str, ...]:
         """Return the concealed names, each after the effect that it needs to act on."""
-        found: list[str] = []
+        names: list[str] = []
         for name in self.names:
-            found += [n for n in (COMPANION.get(name), name) if n and n not in found]
-        return tuple(found)
+            names += [n for n in (COMPANION.get(name), name) if n and n not in names]
+        return tuple(names)
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -117,11 +117,11 @@ def designs(half: str) -> list[SecondDesign]:
     shift = {"development": 0, "evaluation": 1}[half]
     sizes = list(VEHICLES)
     physics = [n for n in SECRETS if n not in PARAMETERS]
-    found = [SecondDesign(sizes[k % 4], copy=k) for k in range(7)]
-    found += [
+    listed = [SecondDesign(sizes[k % 4], copy=k) for k in range(7)]
+    listed += [
         SecondDesign(sizes[(k + shift) % 4], (n,), (k + shift) % 3) for k, n in enumerate(physics)
     ]
-    found += [
+    listed += [
         SecondDesign(sizes[(k + 2 * shift) % 4], (n,), (k + 1 + shift) % 3)
         for k, n in enumerate((*PARAMETERS, *UNLISTED))
     ]
@@ -131,7 +131,9 @@ def designs(half: str) -> list[SecondDesign]:
         ("parasitic_drag", "motor_lag"),
         ("slung_load", "rotor_drag"),
     )
-    return found + [SecondDesign(sizes[(k + shift) % 4], p, 1 + shift) for k, p in enumerate(pairs)]
+    return listed + [
+        SecondDesign(sizes[(k + shift) % 4], p, 1 + shift) for k, p in enumerate(pairs)
+    ]
 
 
 def make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], sources: Sources) -> None:

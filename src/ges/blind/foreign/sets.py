@@ -255,8 +255,8 @@ class Design:
     def _parts(self) -> list[str]:
         """Return the fields that differ from their defaults, in words."""
         own = (f for f in fields(self) if f.name not in ("vehicle", "wrong", "copy"))
-        found = [(f, getattr(self, f.name)) for f in own if getattr(self, f.name) != f.default]
-        return [f.metadata.get("words") or f"{f.name} {value:g}" for f, value in found]
+        changed = [(f, getattr(self, f.name)) for f in own if getattr(self, f.name) != f.default]
+        return [f.metadata.get("words") or f"{f.name} {value:g}" for f, value in changed]
 
     def _concealed(self, effects: Iterable[str], severity: str, **more: Any) -> Concealed:
         """Return the truth: effects that act, and what the file is wrong about."""

@@ -107,7 +107,7 @@ class TrueVehicle:
             [j for j, b in enumerate(hubs) if np.allclose(a[:2], b[:2]) and b[2] > a[2]]
             for a in hubs
         ]
-        return tuple(found[0] if found else -1 for found in over)
+        return tuple(above[0] if above else -1 for above in over)
 
     @property
     def spacing_m(self) -> float:

@@ -189,7 +189,7 @@ def _priors(
     whole = body.inertia_kg_m2 * turning + np.cross(omega, body.inertia_kg_m2 * omega)
     # thrust makes roll and pitch, torque makes yaw
     level = moment * np.array([1.0, 1.0, 0.0])
-    found = {
+    priors = {
         "mass": (SD_REL["mass"], {"force_N": -wrench["force_N"]}),
         "thrust": (SD_REL["thrust"], {"force_N": wrench["force_N"], "moment_Nm": level}),
         "torque": (SD_REL["torque"], {"moment_Nm": moment - level}),
@@ -197,8 +197,8 @@ def _priors(
         "lag": (SD_REL["lag"], driven(body, true, speed, _lag_change(true, speed_rate, step_s))),
     }
     for axis, name in enumerate(("ixx", "iyy", "izz")):
-        found[name] = (SD_REL["inertia"], {"moment_Nm": -whole * np.eye(3)[axis]})
-    return found
+        priors[name] = (SD_REL["inertia"], {"moment_Nm": -whole * np.eye(3)[axis]})
+    return priors
 
 
 def driven(body: Body, true: Mapping[str, float], speed: np.ndarray, change: np.ndarray) -> Change:

@@ -63,13 +63,15 @@ def _strength(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[s
     # turbulence is drawn as acceleration: of a force and a moment it makes these sds
     scale = np.concatenate([np.full(3, air * true["mass"]), TURN_PER_M * air * inertia])
     names = [f"force_{a}" for a in AXES] + [f"moment_{a}" for a in AXES]
-    found = dict(zip(names, _rms(loads) / scale, strict=True))
+    strengths = dict(zip(names, _rms(loads) / scale, strict=True))
     if speeds:
         off = [
             (f["rotor_speed"] - f["plain_speed"])[a] for f, a in zip(flights, aloft, strict=True)
         ]
-        found["drive"] = _rms(np.concatenate(off).reshape(-1, 1))[0] / (true["speed"] * DRIVE_ERROR)
-    return {name: float(s) for name, s in found.items()}
+        strengths["drive"] = _rms(np.concatenate(off).reshape(-1, 1))[0] / (
+            true["speed"] * DRIVE_ERROR
+        )
+    return {name: float(s) for name, s in strengths.items()}
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def outcome_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]
     """
     findings, verdict = diagnosis.get("findings", []), kind_of(diagnosis)
     right = acceptable(truth)
-    known = frozenset().union(*right)
+    true_names = frozenset().union(*right)
     named = _named(findings, verdict)
     nats = dict(truth.get("detectable", {}).get("without", {}))
     category = category_of(truth)
@@ -117,7 +117,7 @@ def outcome_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]
         not quiet,
         frozenset(named & {f["name"] for f in truth["findings"]}),
         nats,
-        tuple((float(f["probability"]), f["name"] in known) for f in findings),
+        tuple((float(f["probability"]), f["name"] in true_names) for f in findings),
         int(truth.get("situation", {}).get("rotors", 4)),
     )
 
@@ -137,11 +137,11 @@ def _compare(
     right: Sequence[frozenset[str]],
     truth: Mapping[str, Any],
 ) -> str:
-    known = frozenset().union(*right)
+    true_names = frozenset().union(*right)
     if verdict == "failed":
         return "failed"
     # one false name, or a true one at a wrong place, spoils whatever else is right
-    if named - known or _misplaced(truth, findings):
+    if named - true_names or _misplaced(truth, findings):
         return "wrong"
     if category == "unknown":
         # no name of the library is true here; what accounts for it as well follows the first
@@ -168,7 +168,7 @@ def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
 
     It is the finding's ``place``, or all losses by rotor of at least half the largest.
     """
-    found: set[str] = set()
+    places: set[str] = set()
     for finding in (f for f in findings if f["name"] == name):
         losses = {
             p.removeprefix("loss_"): v["value"]
@@ -176,12 +176,12 @@ def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
             if p.startswith("loss_") and isinstance(v, Mapping)
         }
         if finding.get("place"):
-            found.add(finding["place"])
+            places.add(finding["place"])
         elif losses:
             # a fit gives every rotor some loss: only what is large beside the largest is a claim
             most = max(losses.values())
-            found |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
-    return found
+            places |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
+    return places
 
 
 def _true_places(truth: Mapping[str, Any]) -> dict[str, set[str]]:
@@ -317,7 +317,7 @@ def scores(outcomes: Sequence[Outcome]) -> dict[str, tuple[float, float, float, 
     could = sum(a.tellable for a in limited)
     # hits over what the best method finds on average; the interval is that of the hits alone
     share = np.array(proportion([a.good for a in limited])) * len(limited) / could if could else ()
-    found: dict[str, tuple] = {
+    rows: dict[str, tuple] = {
         "false alarms": (*proportion(nulls), len(nulls)),
         "wrong names": (*proportion(wrong), len(wrong)),
         f"names of P >= {SURE} that are true": (*proportion(sure), len(sure)),
@@ -325,8 +325,8 @@ def scores(outcomes: Sequence[Outcome]) -> dict[str, tuple[float, float, float, 
     }
     if could:
         name = "right or acceptable, of what any method could tell"
-        found[name] = (*map(float, share), len(limited))
-    return found
+        rows[name] = (*map(float, share), len(limited))
+    return rows
 
 
 def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
@@ -339,7 +339,7 @@ def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """
     rows = [(nats, n in a.named) for a in outcomes if not a.null for n, nats in a.nats.items()]
     values = np.array(rows, dtype=float).reshape(-1, 2)
-    found = []
+    bins = []
     for low, high in zip(EDGES_NATS[:-1], EDGES_NATS[1:], strict=True):
         part = values[(values[:, 0] >= low) & (values[:, 0] < high)]
         if len(part):
@@ -347,7 +347,7 @@ def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
             best = float(power(part[:, 0], FALSE_ALARM_RATE).mean())
             # geometric mean, as nats are drawn on a logarithmic axis; the floor is for 0
             middle = float(np.exp(np.log(np.maximum(part[:, 0], 0.1)).mean()))
-            found.append(
+            bins.append(
                 {
                     "from_nats": low,
                     "to_nats": high,
@@ -360,7 +360,7 @@ def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
                 }
             )
     columns = ["from_nats", "to_nats", "middle_nats", "names", "named", "low", "high"]
-    return pd.DataFrame(found, columns=[*columns, "best_method"])
+    return pd.DataFrame(bins, columns=[*columns, "best_method"])
 
 
 def skipped(folder: Path) -> pd.DataFrame:
@@ -423,8 +423,8 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     alarms = sum(a.alarm for a in tool if a.null)
     by_method = {diagnosed.removeprefix(OUT).removeprefix("-") or "ges": tool}
     for baseline in (b for b in SIMPLE if (folder / method_folder(b)).is_dir()):
-        found = _diagnoses(folder / method_folder(baseline), names)
-        by_method[baseline] = _outcomes(truths, at_same_alarms(truths, found, alarms))
+        claims = _diagnoses(folder / method_folder(baseline), names)
+        by_method[baseline] = _outcomes(truths, at_same_alarms(truths, claims, alarms))
     powers = pd.concat(
         [power_table(outcomes).assign(method=m) for m, outcomes in by_method.items()]
     )

@@ -27,11 +27,13 @@ def diagnose_true_names(case: Path, names: Sequence[str]) -> dict[str, Any]:
     """
     from ges.diagnose.pipeline import diagnose
 
-    known = [n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"]
-    if not known:
+    modelled = [
+        n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"
+    ]
+    if not modelled:
         return {}
     try:
-        return diagnose(load_set(case), names=known).content()
+        return diagnose(load_set(case), names=modelled).content()
     except GesError:
         return {}
 
@@ -54,11 +56,11 @@ def reductions(blind: Mapping, best: Mapping) -> dict[str, tuple[float, float]]:
         {"open_loop": d.get("fit", {}), "closed_loop": d.get("fit", {}).get("closed_loop", {})}
         for d in (blind, best)
     )
-    found = {
+    by_kind = {
         kind: _gains(tool[kind].get("channels", {}), oracle[kind].get("channels", {}))
         for kind in oracle
     }
-    return {kind: gains for kind, gains in found.items() if gains[1] > 0.0}
+    return {kind: gains for kind, gains in by_kind.items() if gains[1] > 0.0}
 
 
 def _gains(reported: Mapping[str, Mapping], best: Mapping[str, Mapping]) -> tuple[float, float]:

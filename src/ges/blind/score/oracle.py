@@ -245,21 +245,21 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
     -------
     ``reach`` is the mean of both parts.
     """
-    known = [n for n in names if n in FREE and n in effect_table.table()]
+    modelled = [n for n in names if n in FREE and n in effect_table.table()]
     driven = [
-        n for n in known if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
+        n for n in modelled if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
     ]
-    wrenches = [n for n in known if effect_table.get(n).kind in ("wrench", "wind")]
+    wrenches = [n for n in modelled if effect_table.get(n).kind in ("wrench", "wind")]
     # loads and rotor speeds have no common unit: each part is fitted to its own
-    found: dict[str, dict[str, float]] = {}
+    parameters: dict[str, dict[str, float]] = {}
     reach: list[float] = []
     if wrenches:
         best, share = _least_squares(wrenches, seen.loads, seen.true_loads())
-        found, reach = found | best, [*reach, share]
+        parameters, reach = parameters | best, [*reach, share]
     if driven and "fast_u" in seen.flights[0]:
         best, share = _fit_drive(driven, seen)
-        found, reach = found | best, [*reach, share]
-    return Oracle(found, float(np.mean(reach)) if reach else np.nan)
+        parameters, reach = parameters | best, [*reach, share]
+    return Oracle(parameters, float(np.mean(reach)) if reach else np.nan)
 
 
 def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, float]], float]:
@@ -369,7 +369,7 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
     if declared is None:
         raise GesError("the case's vehicle file has no torque coefficient; make the case anew")
     torque = true["torque"] / declared.value
-    found = {
+    parameters = {
         "payload": {
             "mass_kg": true["mass"] * concealed.get("payload_share", 0.0),
             **{f"{a}_m": concealed.get(f"payload_{a}_m", 0.0) for a in "xy"},
@@ -386,4 +386,4 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
         "gyro_bias": {f"{a}_rad_s": concealed.get(f"gyro_bias_{a}_rad_s", 0.0) for a in "xyz"},
         "attitude_bias": {f"{a}_rad": concealed.get(f"att_bias_{a}_rad", 0.0) for a in "xy"},
     }
-    return {f["name"]: found[f["name"]] for f in truth["findings"] if f["name"] in found}
+    return {f["name"]: parameters[f["name"]] for f in truth["findings"] if f["name"] in parameters}

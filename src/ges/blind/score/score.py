@@ -245,8 +245,8 @@ def f1(counts: np.ndarray) -> float:
     ----------
     counts : (n, 3) rows of found, too many, missed; NaN where all are 0.
     """
-    found, many, missed = counts.sum(axis=0)
-    return 2.0 * found / (2.0 * found + many + missed) if found + many + missed else np.nan
+    right, many, missed = counts.sum(axis=0)
+    return 2.0 * right / (2.0 * right + many + missed) if right + many + missed else np.nan
 
 
 def _share(gains: np.ndarray) -> float:
@@ -277,7 +277,7 @@ def _summary(
 ) -> pd.DataFrame:
     """All scores with interval, number of cases, aim and whether it is met."""
     of = {c: [j for j in judged if j.category == c] for c in CATEGORIES}
-    found = {
+    scores = {
         "false alarms on nulls": _rate(of["null"], lambda j: j.alarm),
         "nulls given a name": _rate(of["null"], lambda j: bool(j.claimed)),
         "wrong name on singles": _rate(of["single"], lambda j: bool(j.wrong)),
@@ -308,17 +308,17 @@ def _summary(
             for j in of[category]
             if j.case in compared and (compared[j.case].over_limit or 0.0) >= 1.0
         ]
-        found[f"{category}s exactly right above the stated detection {limit}"] = _rate(
+        scores[f"{category}s exactly right above the stated detection {limit}"] = _rate(
             above, lambda j: j.exact
         )
     errors = np.array([e for c in compared.values() for e in c.errors.values()])
-    found["coefficient error relative to the oracle, median"] = (
+    scores["coefficient error relative to the oracle, median"] = (
         *bootstrap(errors, np.median),
         len(errors),
     )
     # (held, tried) of a case as so many hits and misses
     within = [k < c.intervals[0] for c in compared.values() for k in range(c.intervals[1])]
-    found["intervals that hold the oracle"] = (*proportion(within), len(within))
+    scores["intervals that hold the oracle"] = (*proportion(within), len(within))
     for kind, words in (
         ("open_loop", "held-out reduction"),
         ("closed_loop", "held-out reduction in closed loop"),
@@ -326,20 +326,22 @@ def _summary(
         gains = np.array(
             [c.reductions[kind] for c in compared.values() if kind in c.reductions]
         ).reshape(-1, 2)
-        found[f"{words}, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
-        found[f"{words}, median share of a case"] = (*bootstrap(gains, _median_share), len(gains))
+        scores[f"{words}, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
+        scores[f"{words}, median share of a case"] = (*bootstrap(gains, _median_share), len(gains))
     seconds = table["seconds"].dropna().to_numpy(dtype=float)
-    found["location F1"] = (*bootstrap(located, f1), len(located))
-    found["calibration error of stated probabilities"] = (
+    scores["location F1"] = (*bootstrap(located, f1), len(located))
+    scores["calibration error of stated probabilities"] = (
         *bootstrap(stated, calibration_error),
         len(stated),
     )
-    found["seconds a case, median"] = (*bootstrap(seconds, np.median), len(seconds))
-    found["seconds a case, 95 % quantile"] = (
+    scores["seconds a case, median"] = (*bootstrap(seconds, np.median), len(seconds))
+    scores["seconds a case, 95 % quantile"] = (
         *bootstrap(seconds, lambda s: float(np.quantile(s, 0.95))),
         len(seconds),
     )
-    return pd.DataFrame([score_row(name, values, AIMS.get(name)) for name, values in found.items()])
+    return pd.DataFrame(
+        [score_row(name, values, AIMS.get(name)) for name, values in scores.items()]
+    )
 
 
 def _rate(
@@ -394,16 +396,18 @@ def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
             j.truth if j.category in ("single", "parameter", "sensor", "unknown") else (j.category,)
         )
         claimed = j.claimed or (j.verdict,)
-        known = set(j.truth) if j.category != "unknown" else set()
+        true_names = set(j.truth) if j.category != "unknown" else set()
         concealed = truth[-1] if truth else j.category
         # true companions are no confusion
-        rows += [(concealed, name) for name in claimed if name == concealed or name not in known]
+        rows += [
+            (concealed, name) for name in claimed if name == concealed or name not in true_names
+        ]
         if j.category in ("pair", "triple") and j.claimed and not j.wrong:
             rows.append((concealed, "true names"))
         elif (
             j.category not in ("pair", "triple")
             and j.claimed
-            and not [n for n in claimed if n == concealed or n not in known]
+            and not [n for n in claimed if n == concealed or n not in true_names]
         ):
             rows.append((concealed, "true companion only"))
     frame = pd.DataFrame(rows, columns=["concealed", "answer"])

@@ -130,14 +130,14 @@ class SecondSimulation:
     def _tables(self) -> None:
         """One blade-element table a vehicle, shared by its flights."""
         disc = RHO_KG_M3 * np.pi * self.radius**4
-        thrust, found = self.true["thrust"] / disc, {}
+        thrust, tables = self.true["thrust"] / disc, {}
         keys = list(zip(np.round(self.hid["blade_s"], 6), np.round(thrust, 9), strict=True))
         for key in keys:
-            if key not in found:
-                found[key] = rotor.table_of(*key)
-        self.thrust_table = np.stack([found[k].thrust for k in keys])
-        self.inplane_table = np.stack([found[k].inplane for k in keys])
-        self.cushion_table = np.stack([found[k].cushion for k in keys])
+            if key not in tables:
+                tables[key] = rotor.table_of(*key)
+        self.thrust_table = np.stack([tables[k].thrust for k in keys])
+        self.inplane_table = np.stack([tables[k].inplane for k in keys])
+        self.cushion_table = np.stack([tables[k].cushion for k in keys])
 
     def _names(self) -> None:
         having: dict[str, list[int]] = {}

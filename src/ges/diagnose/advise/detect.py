@@ -82,12 +82,12 @@ class _Entry:
 
 
 def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
-    found = [
+    listed = [
         (name, columns)
         for (name, _), columns in regression.by_variant().items()
         if name not in leave_out
     ]
-    many, most = Counter(name for name, _ in found), _largest_gain(regression)
+    many, most = Counter(name for name, _ in listed), _largest_gain(regression)
     return [
         _Shape(
             name,
@@ -96,7 +96,7 @@ def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> l
             np.minimum(gain, most),
             cost + math.log(many[name]) - log_rarity([name]),
         )
-        for name, columns in found
+        for name, columns in listed
         for gain, cost in [expected_evidence(gram, columns, regression.prior.sd)]
     ]
 
@@ -219,14 +219,14 @@ def _sizes(regression: Regression) -> _Sizes:
 
 
 def smallest_detectable(
-    regression: Regression, found: Mapping[str, DetectedEffect] | None = None
+    regression: Regression, accepted: Mapping[str, DetectedEffect] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Return the smallest detectable size of every effect.
 
     Parameters
     ----------
     regression : of the search, with the columns of every candidate.
-    found : accepted effects. Others are evaluated given them, and each of them given the rest.
+    accepted : accepted effects. Others are evaluated given them, and each of them given the rest.
 
     Returns
     -------
@@ -234,7 +234,7 @@ def smallest_detectable(
     fixed parameters), and ``limited_by``. The last is the rival that is hardest to separate, '' for
     noise.
     """
-    pooled, unit, given = regression.pool(), _sizes(regression), found or {}
+    pooled, unit, given = regression.pool(), _sizes(regression), accepted or {}
     content: dict[str, dict[str, Any]] = {}
     for name, effect in given.items():
         alone = _sizes_given(regression, pooled, unit, {*given} - {name}, name)

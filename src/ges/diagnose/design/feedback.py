@@ -172,8 +172,8 @@ def flight_instruments(
     block = blocks_of([(windows, flight.t_s[0])], settings.statistics.block_s)[0]
     shown = [
         n
-        for n, known in zip(names, np.isfinite(y).all(axis=0), strict=True)
-        if known and _shows_feedback(n)
+        for n, finite in zip(names, np.isfinite(y).all(axis=0), strict=True)
+        if finite and _shows_feedback(n)
     ]
     return FlightInstruments(
         z, signal, {n: instrument_strength(signal[n], z[n], block) for n in shown}
@@ -305,14 +305,14 @@ def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.n
 
 def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
     """Return fast changes along thrust."""
-    known = channel.name in channel.instruments.strength
-    return channel.fast_remainder(x) if known and channel.name in VERTICAL else None
+    has_instruments = channel.name in channel.instruments.strength
+    return channel.fast_remainder(x) if has_instruments and channel.name in VERTICAL else None
 
 
 def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
     """Return changes of a rotor's speed."""
-    known = channel.name in channel.instruments.strength
-    if not known or block_of(channel.name) != DRIVE:
+    has_instruments = channel.name in channel.instruments.strength
+    if not has_instruments or block_of(channel.name) != DRIVE:
         return None
     return channel.remainder(x, mean_counts=True)
 
@@ -336,8 +336,8 @@ PARTS: tuple[tuple[str, Part], ...] = (
 
 def _is_balance(channel: _Channel) -> bool:
     """Return whether a channel is one of moments, or of forces along thrust, without gaps."""
-    known = channel.name in channel.instruments.strength
-    return known and block_of(channel.name) != DRIVE
+    has_instruments = channel.name in channel.instruments.strength
+    return has_instruments and block_of(channel.name) != DRIVE
 
 
 def endogenous_parts(
@@ -384,20 +384,20 @@ def endogenous_parts(
 
 
 def merge_endogenous_parts(
-    known: EndogenousParts, new: EndogenousParts, on: Collection[str]
+    earlier: EndogenousParts, new: EndogenousParts, on: Collection[str]
 ) -> EndogenousParts:
     """Merge endogenous parts of two sets of columns of the same windows.
 
     Parameters
     ----------
-    known, new : parts; the new ones replace known ones.
+    earlier, new : parts; the new ones replace known ones.
     on : keys of the model's effects. With a gain near the ground on, no other such gain is
         endogenous: its moment is explained.
     """
     gain_is_on = any(map(near_ground_gain, on))
     kept = {
         at: {key: x for key, x in parts.items() if not (gain_is_on and near_ground_gain(key))}
-        for at, parts in known.items()
+        for at, parts in earlier.items()
     }
     merged = {at: {**kept.get(at, {}), **new.get(at, {})} for at in dict.fromkeys((*kept, *new))}
     return {at: parts for at, parts in merged.items() if parts}

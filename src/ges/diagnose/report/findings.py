@@ -235,11 +235,11 @@ def _contradicted_finding(
     terms = {system.nuisances[n.key]: n.value for n in contradicted}
     contribution = [rows.weighted_columns(terms, len(system.main)) for rows in system.flights]
     # certain by its own rule, hence as sure as any name can be
-    found = Finding.of(
+    finding = Finding.of(
         name, calibrated_probability(1.0), parameters, size_of_contribution(contribution, system)
     )
     # the effect may be physics; what is wrong here is a number of the file
-    return dataclasses.replace(found, kind="parameter")
+    return dataclasses.replace(finding, kind="parameter")
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:

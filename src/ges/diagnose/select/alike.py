@@ -51,10 +51,10 @@ def alike_of(
     """
     if not listed:
         return ()
-    columns, found = regression.system.columns, h.posterior
-    own = [i for i, k in enumerate(found.columns) if variant_of(columns[k]).effect == name]
-    mine, b = [found.columns[i] for i in own], found.mean[own]
-    others = np.array([k for k in found.columns if k not in mine], dtype=int)
+    columns, posterior = regression.system.columns, h.posterior
+    own = [i for i, k in enumerate(posterior.columns) if variant_of(columns[k]).effect == name]
+    mine, b = [posterior.columns[i] for i in own], posterior.mean[own]
+    others = np.array([k for k in posterior.columns if k not in mine], dtype=int)
     gram = regression.pool().without(others, regression.prior.sd[others])
     # log odds over nothing that the name is expected to have, but for the size that it took
     over_nothing = 0.5 * float(b @ gram.xx[np.ix_(mine, mine)] @ b)

@@ -154,8 +154,8 @@ def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...]
             # a damaged message; what follows is whole again
             continue
         # rows of a message that was defined anew on the way do not fit the first
-        known, rows = tables.setdefault((name, instance), (fields, []))
-        if known == fields:
+        first_fields, rows = tables.setdefault((name, instance), (fields, []))
+        if first_fields == fields:
             rows.append(row)
     return tables
 

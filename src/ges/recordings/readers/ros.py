@@ -140,13 +140,13 @@ class _Bag:
 
     def find(self, wanted: str) -> str | None:
         """Find the bag's topic that matches; None without."""
-        found = sorted({name for name in self.topics if _matches(wanted, name)})
-        if len(found) > 1:
+        matching = sorted({name for name in self.topics if _matches(wanted, name)})
+        if len(matching) > 1:
             raise UsageError(
-                f"{self.name} holds {len(found)} topics {wanted} ({', '.join(found[:3])}): of which"
-                " vehicle? Give a topic map with whole names"
+                f"{self.name} holds {len(matching)} topics {wanted} ({', '.join(matching[:3])}): of"
+                " which vehicle? Give a topic map with whole names"
             )
-        return found[0] if found else None
+        return matching[0] if matching else None
 
     def read(self, topic: str, fields: Sequence[str] | None) -> dict[str, np.ndarray]:
         """Read fields of all messages of a topic, each (n,), with ``t_s``.
@@ -198,16 +198,16 @@ def _map_for(bag: _Bag, options: Options) -> tuple[TopicMap, str]:
     """Choose the map that the user names, else the shipped one that knows most topics."""
     if options.mapping is not None:
         return load_map(options.mapping, TopicMap), ""
-    known = {
+    matched = {
         name: sum(any(_matches(t.topic, n) for n in bag.topics) for t in mapping.topics)
         for name, mapping in presets(TopicMap).items()
     }
-    best = max(known, key=lambda name: known[name])
-    if known[best] == 0:
+    best = max(matched, key=lambda name: matched[name])
+    if matched[best] == 0:
         topics = ", ".join(sorted(bag.topics)[:8]) or "none"
         raise UsageError(
             f"{bag.name}: no shipped topic map knows these topics ({topics}); give --map MAP.yaml"
-            f" (docs/importing.md shows one) or a preset: {', '.join(known)}"
+            f" (docs/importing.md shows one) or a preset: {', '.join(matched)}"
         )
     return presets(TopicMap)[best], f"topics are read by the map '{best}'"
 

@@ -37,7 +37,7 @@ def _refitted(
         there[free] = others
         return there
 
-    found = least_squares(
+    solution = least_squares(
         lambda others: search.residuals(point(others)),
         np.clip(here[free], 1.0 + calibrate.STEP, 2.0 - calibrate.STEP),
         bounds=(1.0, 2.0),
@@ -45,7 +45,7 @@ def _refitted(
         max_nfev=EVALUATIONS,
     )
     # the gain itself, without the rounding of its place
-    return {**search.numbers(point(found.x)), GAIN: gain}
+    return {**search.numbers(point(solution.x)), GAIN: gain}
 
 
 def fit_profile(

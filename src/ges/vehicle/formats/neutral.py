@@ -210,11 +210,11 @@ def without(plain: Plain, expressed: Iterable[str], target: str) -> list[str]:
     -------
     One sentence for each effect that is left out.
     """
-    known = {"cg_offset", "weak_rotor", *expressed}
+    expressible = {"cg_offset", "weak_rotor", *expressed}
     return [
         f"{target} has no {name} ({effect_table.get(name).title}): left out."
         for name in plain.effects
-        if name not in known
+        if name not in expressible
     ]
 
 

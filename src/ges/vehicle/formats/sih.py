@@ -54,13 +54,13 @@ def _given(data: bytes, name: str) -> dict[str, float]:
         raise UsageError(
             f"{name} is no text; give an airframe script or a parameter file"
         ) from None
-    found = {}
+    given = {}
     for line in text.splitlines():
         if match := _LINE.match(line):
-            found[match[1]] = number(match[2], match[1], name)
-    if not set(found) & set(DEFAULTS):
+            given[match[1]] = number(match[2], match[1], name)
+    if not set(given) & set(DEFAULTS):
         raise UsageError(f"{name} sets none of {', '.join(DEFAULTS)}")
-    return found
+    return given
 
 
 def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
