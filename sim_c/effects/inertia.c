@@ -7,7 +7,7 @@ static void adjust(sample_t *s, const vd *p) {
 
 EFFECT(inertia) = {
     .name = "inertia",
-    .title = "moments of inertia other than declared",
+    .title = "moments of inertia other than nominal",
     .equation = "I = (1 + s) I_declared",
     .reference = "definition",
     .channels = "moment_x moment_y moment_z",

@@ -154,10 +154,10 @@ def test_hanging_cable_weighs_what_hangs():
 
 @pytest.mark.parametrize("size", list(CLASSES))
 def test_vehicle_files_are_honestly_wrong(size):
-    """Declared numbers are off by about their doubt, never beyond two of it."""
+    """Nominal parameters are off by about their doubt, never beyond two of it."""
     crafts = [draw_airframe(size, np.random.default_rng(k)) for k in range(200)]
     for key, doubt in (("mass", "mass"), ("thrust", "thrust"), ("lag", "lag"), ("izz", "inertia")):
-        off = np.array([c.true[key] / c.declared[key] - 1.0 for c in crafts]) / SD_REL[doubt]
+        off = np.array([c.true[key] / c.nominal[key] - 1.0 for c in crafts]) / SD_REL[doubt]
         assert np.abs(off).max() <= 2.0 + 1e-9
         assert 0.75 < off.std() < 1.1
 

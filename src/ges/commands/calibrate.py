@@ -37,7 +37,7 @@ def command(recordings: tuple[Path, ...], out: Path) -> None:
         click.echo(f"warning: {warning}", err=True)
     click.echo(
         f"{'number':32s} {'correction':>11s} {'95 % interval':>24s} {'between flights':>16s}"
-        f" {'between sessions':>17s} {'doubt later':>12s}",
+        f" {'between sessions':>17s} {'prior sd':>12s}",
         err=True,
     )
     for key, n in calibration.numbers.items():

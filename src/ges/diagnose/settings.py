@@ -178,7 +178,7 @@ class StatisticsSettings:
     suggestive_sds: float = number(
         2.0,
         "sds",
-        "Deviation that is worth looking at, and within which a declared number is no finding.",
+        "Deviation that is worth looking at, and within which a nominal parameter is no finding.",
         Convention("the 95 % interval of a Gaussian"),
     )
     clear_sds: float = number(
@@ -190,10 +190,10 @@ class StatisticsSettings:
     certain_sds: float = number(
         4.0,
         "sds",
-        "Deviation from which a delay, an offset or a declared number is no chance.",
+        "Deviation from which a delay, an offset or a nominal parameter is no chance.",
         Convention(
-            "one in 16,000 of honest doubts, so that one of ten numbers is called in fewer than one"
-            " of a thousand vehicles"
+            "one in 16,000 of honest prior sds, so that one of ten numbers is called in fewer than"
+            " one of a thousand vehicles"
         ),
     )
     least_gain: float = number(
@@ -422,7 +422,7 @@ class PrepareSettings:
     at_once_share: float = number(
         0.1,
         "",
-        "Response in its own row over that a row later, of a command that acts at once; and doubt"
+        "Response in its own row over that a row later, of a command that acts at once; and sd"
         " in rows on how late one acts.",
         Convention("not measured"),
         high=1.0,
@@ -515,13 +515,13 @@ class DesignSettings:
     instruments: bool = number(
         True, "", "Whether references serve as instruments.", Convention("off in an ablation")
     )
-    declared_tolerance: bool = number(
+    nominal_tolerance: bool = number(
         True,
         "",
-        "Whether declared numbers may move within doubts.",
+        "Whether nominal parameters may move within prior sds.",
         Convention("off in an ablation"),
     )
-    answer_slowest_s: float = number(
+    response_slowest_s: float = number(
         0.5,
         "s",
         "Slower changes of thrust are no answers to gusts, whose scatter shows within so long.",
@@ -529,14 +529,14 @@ class DesignSettings:
             "thrust curves that were none were named, two of 700 names",
             "development seeds",
             "9b8a121",
-            RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
+            RUN.replace("KEY=VALUE", "design.response_slowest_s=5"),
         ),
     )
 
     @property
     def response_windows(self) -> int:
         """Half windows that a controller's feedback response lasts."""
-        return round(self.answer_slowest_s / self.half_window_s)
+        return round(self.response_slowest_s / self.half_window_s)
 
     @property
     def half_window_s(self) -> float:
@@ -663,7 +663,7 @@ class EstimateSettings:
     converged_sds: float = number(
         0.02,
         "sds",
-        "Step that ends a fit, and doubt on what is held in one.",
+        "Step that ends a fit, and prior sd of what is held in one.",
         Numerical("results are the same from anywhere (commit 6a9f74a)"),
     )
     same_cost: float = number(
@@ -812,19 +812,19 @@ class CalibrateSettings:
     loss_sd: float = number(
         0.1,
         "",
-        "Doubt on the gain of a motor.",
+        "Prior sd of the gain of a motor.",
         Convention("propellers of small vehicles; not measured"),
     )
     cant_sd_rad: float = number(
         0.01,
         "rad",
-        "Doubt on the cant of the rotors.",
+        "Prior sd of the cant of the rotors.",
         Convention("motors that stand straight to a degree, the mean of four; not measured"),
     )
     spread: float = number(
         0.2,
         "",
-        "Usual spread of a trim between flights, from commands, over the doubt on it.",
+        "Usual spread of a trim between flights, from commands, over the prior sd of it.",
         Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
     )
     smaller_spread: float = number(
@@ -845,7 +845,7 @@ class CalibrateSettings:
         20.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
     )
     converged_share: float = number(
-        0.2, "", "Step over its doubt that ends a calibration.", Numerical("commit 8cbfda3")
+        0.2, "", "Step over its prior sd that ends a calibration.", Numerical("commit 8cbfda3")
     )
 
 

@@ -361,7 +361,7 @@ def _thrust_commanded(
 ) -> tuple[dict, dict[str, str], tuple[str, ...]]:
     """Give coefficient and top speed where commands alone were logged, which show their product."""
     largest = flown.thrust_per_drive
-    # only k w_max^2 acts: the coefficient takes its doubt, the speed that of the factors
+    # only k w_max^2 acts: the coefficient takes its sd, the speed that of the factors
     top = math.sqrt(largest.value / usual.value)
     ratio = flown.n_rotors * largest.value / weight_N
     content = {
@@ -373,7 +373,7 @@ def _thrust_commanded(
     sources = {
         "thrust_coefficient_N_s2": (
             f"What propellers of {prop} usually have. No rotor speed was logged: with commands"
-            " alone only coefficient times top speed squared acts, and the doubt here is that of"
+            " alone only coefficient times top speed squared acts, and the sd here is that of"
             " this product."
         ),
         "max_rotor_speed_rad_s": (

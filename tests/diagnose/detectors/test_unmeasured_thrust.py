@@ -142,7 +142,7 @@ def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     [(0.006, {}, []), (-0.02, {}, ["time_offset"]), (0.02, {"time_offset.delay_s": 0.01}, [])],
 )
 def test_a_delay_that_clocks_usually_have_is_no_fault(delay_s, doubts, told):
-    """Usual is 3 ms; beyond doubt are four sds, as of every declared number."""
+    """Usual is 3 ms; beyond doubt are four sds, as of every nominal parameter."""
     gate = Gate((), (), (), Delay("attitude", delay_s, 0.0005, 0.99))
     assert [f.name for f in gate_findings(gate, doubts)] == told
 

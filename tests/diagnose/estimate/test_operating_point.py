@@ -1,4 +1,4 @@
-"""Where the declared numbers are so far off that one linear step does not do."""
+"""Where the nominal parameters are so far off that one linear step does not do."""
 
 import dataclasses
 

@@ -128,7 +128,7 @@ def _make_of_drone(
     ]
     for craft in crafts:
         # this simulator has a top speed of its own; the file's honest error of it stays
-        craft.declared["speed"] *= top / craft.true["speed"]
+        craft.nominal["speed"] *= top / craft.true["speed"]
         craft.true["speed"] = top
     scale = Scale(0.3, crafts[0].radius_m, SPEED_M_S, SMOOTH_S)
     plans = [

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
 from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight
 from ges.blind.generator.pilot import Pilot
 
@@ -159,7 +159,7 @@ def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -
         rotor_z_m=0.0,
         spin=tuple(-int(s) for s in np.sign(mixing[2])),
         battery_V=4.1,
-        declared=declare(true, rng),
+        nominal=draw_nominal(true, rng),
         true=true,
     )
 

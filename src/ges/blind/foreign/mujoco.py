@@ -17,7 +17,7 @@ import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
 from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.generator.pilot import Pilot
 
@@ -209,7 +209,7 @@ def _airframe(design: MujocoDesign, rng: np.random.Generator) -> TrueVehicle:
         0.0,
         tuple(int(s[3]) for s in frame),
         12.0,
-        declare(true, rng),
+        draw_nominal(true, rng),
         true,
         tuple(radius * k for k in z),
     )
@@ -416,7 +416,7 @@ def _wrench(rows: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _plain_speed(craft: TrueVehicle, states: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the rotor speeds that the declared kind of drive makes of the commands."""
+    """Return the rotor speeds that the nominal kind of drive makes of the commands."""
     from scipy.signal import lfilter
 
     # MuJoCo's exact filter of first order on the squared command, which acts one step later

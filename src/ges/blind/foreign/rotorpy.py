@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import NOTHING, TrueFlight
 
 WORLD = "rotorpy"
@@ -311,7 +311,7 @@ def _airframe(
         rotor_z_m=0.0,
         spin=tuple(-int(d) for d in numbers["rotor_directions"]),
         battery_V=12.0,
-        declared=declare(true, rng),
+        nominal=draw_nominal(true, rng),
         true=true,
     )
 

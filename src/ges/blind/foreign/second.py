@@ -14,7 +14,7 @@ import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
 from ges.blind.foreign.sets import Concealed, OffPath, Place, Sources, draw_log, write_flown
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.noise import Air
 from ges.blind.second.air import TURBULENCE
@@ -199,7 +199,7 @@ def _sorties(
         rotor_z_m=round(0.2 * radius, 4),
         spin=spin,
         battery_V=12.6,
-        declared=declare(true, place.rng("file")),
+        nominal=draw_nominal(true, place.rng("file")),
         true=true,
     )
     rng = place.rng("secret")
@@ -220,7 +220,7 @@ def _sorties(
     return craft, [
         SecondSortie(
             true=true,
-            declared=craft.declared,
+            nominal=craft.nominal,
             radius_m=radius,
             rotor_m=hubs,
             spin=np.array(spin),

@@ -316,7 +316,7 @@ def write_flown(
     frames = [record(flown, log, rng) for flown in flights]
     # the file is made wrong only after this: the limit takes the factors by themselves
     limits = detectable(flights, log.rate_hz, log.sensors, craft, wrong)
-    craft = replace(craft, declared=_misdeclared(craft.declared, wrong))
+    craft = replace(craft, nominal=_with_wrong_nominal(craft.nominal, wrong))
     content = concealed.truth() | {
         "detectable": limits | {"method": method},
         "situation": _situation(place, craft.size, log) | {"rotors": craft.n_rotors},
@@ -427,15 +427,17 @@ def untrimmed(
     dt : time from one command to the next (s).
     flights : that are flown abreast.
     """
-    declared = _misdeclared(craft.declared, wrong)
+    nominal = _with_wrong_nominal(craft.nominal, wrong)
     hubs, spin = craft.hubs_m[:, :2, None], np.array(craft.spin, dtype=float)[:, None]
     x, y, spin = (np.repeat(row, flights, axis=1) for row in (hubs[:, 0], hubs[:, 1], spin))
-    many = {k: np.full(flights, v) for k, v in declared.items()}
+    many = {k: np.full(flights, v) for k, v in nominal.items()}
     pilot = Pilot(many, x, y, spin, np.full(flights, lag_s), dt)
     pilot.trim_moment = np.zeros((3, flights))
     return pilot
 
 
-def _misdeclared(declared: Mapping[str, float], wrong: Mapping[str, float]) -> dict[str, float]:
+def _with_wrong_nominal(
+    nominal: Mapping[str, float], wrong: Mapping[str, float]
+) -> dict[str, float]:
     """Return what a wrong file declares; 'inertia' is wrong about all three axes."""
-    return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in declared.items()}
+    return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in nominal.items()}

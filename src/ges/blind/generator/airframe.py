@@ -72,7 +72,7 @@ class TrueVehicle:
     rotor_z_m : height of the rotor plane.
     spin : +1 for a rotor that turns counter-clockwise seen from above, else -1.
     battery_V : voltage of the full battery.
-    declared, true : mass, ixx, iyy, izz, thrust (N s^2), torque (N m s^2), lag (s) and top speed
+    nominal, true : mass, ixx, iyy, izz, thrust (N s^2), torque (N m s^2), lag (s) and top speed
         (rad/s), in SI units.
     rotor_level_m : height of each rotor over the plane at ``rotor_z_m``; empty where all lie in it.
     """
@@ -84,7 +84,7 @@ class TrueVehicle:
     rotor_z_m: float
     spin: tuple[int, ...]
     battery_V: float
-    declared: dict[str, float]
+    nominal: dict[str, float]
     true: dict[str, float]
     rotor_level_m: tuple[float, ...] = ()
 
@@ -136,9 +136,9 @@ class TrueVehicle:
 
         Returns
         -------
-        Declared numbers with their sds of :data:`SD_REL`, and no effects.
+        Nominal parameters with their sds of :data:`SD_REL`, and no effects.
         """
-        value = {k: float(f"{v:.6g}") for k, v in self.declared.items()}
+        value = {k: float(f"{v:.6g}") for k, v in self.nominal.items()}
         rotors = zip(self.hubs_m.round(6).tolist(), self.spin, strict=True)
         return {
             "name": "vehicle",
@@ -188,7 +188,7 @@ def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> T
     mass, radius, arm, hover, ixx, lag, volt = (v * rng.uniform(0.88, 1.12) for v in CLASSES[size])
     arm, ixx = arm * LONGER.get(frame, 1.0), ixx * HEAVIER.get(frame, 1.0)
     thrust = mass * GRAVITY_M_S2 / (ROTORS[frame] * hover**2)
-    declared = {
+    nominal = {
         "mass": mass,
         "ixx": ixx,
         "iyy": ixx * rng.uniform(1.0, 1.15),
@@ -208,8 +208,8 @@ def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> T
         rotor_z_m=round(float(0.25 * radius), 4),
         spin=spins,
         battery_V=float(volt),
-        declared={k: float(v) for k, v in declared.items()},
-        true=_with_errors(declared, rng),
+        nominal={k: float(v) for k, v in nominal.items()},
+        true=_with_errors(nominal, rng),
         rotor_level_m=levels,
     )
 
@@ -238,15 +238,15 @@ def _senses(spins: Sequence[str]) -> tuple[int, ...]:
     return tuple(1 if s == "ccw" else -1 for s in spins)
 
 
-def _with_errors(declared: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+def _with_errors(nominal: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     number_of = {"ixx": "inertia", "iyy": "inertia", "izz": "inertia"}
     errors = {
-        k: np.clip(rng.standard_normal(), -2.0, 2.0) * SD_REL[number_of.get(k, k)] for k in declared
+        k: np.clip(rng.standard_normal(), -2.0, 2.0) * SD_REL[number_of.get(k, k)] for k in nominal
     }
-    return {k: float(v * (1.0 + errors[k])) for k, v in declared.items()}
+    return {k: float(v * (1.0 + errors[k])) for k, v in nominal.items()}
 
 
-def declare(true: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+def draw_nominal(true: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     """Draw what a file honestly declares of known true numbers.
 
     Parameters

@@ -114,7 +114,7 @@ def _path(
 ) -> Path:
     """Return a flight as the limit sees it, at every ``thin``-th of the log's times.
 
-    It has the change of each declared number's uncertainty, and of what the file is wrong about.
+    It has the change of each nominal parameter's uncertainty, and of what the file is wrong about.
     """
     t = sample_times(flown, rate_hz / thin)
     clock = np.arange(len(flown.state["p"])) * flown.step_s
@@ -129,7 +129,7 @@ def _path(
     level = flown.air.level
     step_s = thin / rate_hz
     body = body_of(craft)
-    declared = _priors(body, craft.true, speed, rate, omega, turning, step_s)
+    nominal = _priors(body, craft.true, speed, rate, omega, turning, step_s)
     changes: dict[str, Mapping[str, np.ndarray]] = {
         n: {c: at(v) for c, v in one.items()} for n, one in flown.changes.items()
     }
@@ -144,14 +144,12 @@ def _path(
             # the truth is 1 / factor of what the file says
             parts = INERTIA if number == "inertia" else (number,)
             changes[NAME_OF_WRONG[number]] = _scaled(
-                1.0 / factor - 1.0, [declared[part][1] for part in parts]
+                1.0 / factor - 1.0, [nominal[part][1] for part in parts]
             )
     # on the ground, with rotors standing or spinning up, nothing is asked of a method
     aloft = (speed > ALOFT_SHARE * np.median(speed)).all(axis=1)[:, None]
     changes = {n: {c: v * aloft for c, v in one.items()} for n, one in changes.items()}
-    declared = {
-        n: (sd, {c: v * aloft for c, v in one.items()}) for n, (sd, one) in declared.items()
-    }
+    nominal = {n: (sd, {c: v * aloft for c, v in one.items()}) for n, (sd, one) in nominal.items()}
     return Path(
         step_s=step_s,
         rotation=Rotation.from_quat(at(flown.state["q"]), scalar_first=True).as_matrix(),
@@ -159,7 +157,7 @@ def _path(
         speed_rad_s=speed,
         speed_error_rad_s=_speed_error(flown, rate_hz, noise, craft, float(speed.mean())),
         changes=changes,
-        priors=declared,
+        priors=nominal,
         air=flown.air if level is None else replace(flown.air, level=np.interp(t, clock, level)),
     )
 
@@ -173,7 +171,7 @@ def _priors(
     turning: np.ndarray,
     step_s: float,
 ) -> dict[str, tuple[float, Change]]:
-    """Return the sd and the change for one of every declared number, relative to its value.
+    """Return the sd and the change for one of every nominal parameter, relative to its value.
 
     Parameters
     ----------

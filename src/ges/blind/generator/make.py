@@ -285,7 +285,7 @@ def _sortie(
     low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
     # large vehicles fly faster, slow motors get smoother references, light ones are shaken more
     pace = gentle * float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
-    agility = float(np.clip(craft.declared["lag"] / 0.03, 0.9, 2.2))
+    agility = float(np.clip(craft.nominal["lag"] / 0.03, 0.9, 2.2))
     room = Room(around.seconds[f], craft.radius_m, low, pace, agility, z)
     plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)
     turbulence = around.turbulence * float(np.clip((0.65 / craft.true["mass"]) ** 0.15, 0.8, 1.5))

@@ -59,7 +59,7 @@ class _PathReplay(Simulation):
 
         Returns
         -------
-        ``force`` and ``moment`` beyond the declared vehicle's, (n, 3, F), and ``speed`` (n, rotors,
+        ``force`` and ``moment`` beyond the nominal vehicle's, (n, 3, F), and ``speed`` (n, rotors,
         F).
         """
         n = len(self.book["p"])
@@ -168,8 +168,8 @@ def _variants(case: Case) -> dict[str, dict[str, float]]:
 
 def _numbers_of(case: Case, name: str) -> list[str]:
     """Return the numbers of an effect, also of one that came with another."""
-    carriers = [n for n in case.numbers if n == name or name in COMPANIONS.get(n, ())]
-    return [k for n in carriers for k in case.numbers[n] if k not in OWN_NUMBERS.get(n, ())]
+    prerequisites = [n for n in case.numbers if n == name or name in COMPANIONS.get(n, ())]
+    return [k for n in prerequisites for k in case.numbers[n] if k not in OWN_NUMBERS.get(n, ())]
 
 
 def _neutral(hid: Mapping[str, float], numbers: Sequence[str]) -> dict[str, float]:

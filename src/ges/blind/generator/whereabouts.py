@@ -79,7 +79,7 @@ def _rms(rows: np.ndarray) -> np.ndarray:
 
 
 def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) -> np.ndarray:
-    """Return (n, 6) body force and moment that nothing declared explains."""
+    """Return (n, 6) body force and moment that nothing in the vehicle file explains."""
     true, numbers = case.craft.true, case.sorties[0].numbers
     inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
     excess = numbers.get("inertia_error", 1.0) - 1.0
@@ -92,7 +92,7 @@ def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) ->
 
 
 def payload_force(case: Case, flight: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the force of a payload that the declared mass misses, -m_p (a - g).
+    """Return the force of a payload that the nominal mass misses, -m_p (a - g).
 
     Parameters
     ----------

@@ -28,10 +28,10 @@ class Balance:
 
     Attributes
     ----------
-    thrust_N : (flights, n_rotors) mean thrusts by the declared coefficient.
+    thrust_N : (flights, n_rotors) mean thrusts by the nominal coefficient.
     asked_N : (n_rotors,) thrusts that the balance asks for.
     matrix : (equations, n_rotors) from thrusts to vertical force, roll, pitch and, where the torque
-        coefficient is declared, yaw.
+        coefficient is stated, yaw.
     """
 
     thrust_N: np.ndarray
@@ -76,7 +76,7 @@ def balance(recordings: RecordingSet) -> Balance:
 
 
 def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
-    """Return mean thrusts (n_rotors,) by the declared coefficient, and upward specific force."""
+    """Return mean thrusts (n_rotors,) by the nominal coefficient, and upward specific force."""
     k, n = vehicle.thrust_coefficient_N_s2.value, len(vehicle.rotors)
     if set(rotor_speed(n)) <= set(frame):
         square = frame[list(rotor_speed(n))].to_numpy(dtype=float) ** 2

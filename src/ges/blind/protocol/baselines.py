@@ -41,7 +41,7 @@ class BaselineRows:
     ----------
     y, raw : (n,) residual after and before calibration.
     x : (n, k) columns of the candidates.
-    nuisance : (n, m) columns of declared numbers, trims and biases.
+    nuisance : (n, m) columns of nominal parameters, trims and biases.
     state : (n, f) logged channels at the centre of each window.
     channel, flight : (n,) numbers of channel and flight.
     """
@@ -97,7 +97,7 @@ FittedMethod = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarr
 def prepare(recordings: RecordingSet) -> BaselineProblem:
     """Return residuals and columns of the training and the held-out flights.
 
-    Residuals are calibrated within the declared uncertainties.
+    Residuals are calibrated within the prior sds.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     )
     free = np.array([c.nuisance is not None for c in first.columns])
     rows = [_stack(system, scale, free) for system in parts]
-    # the declared doubts are the prior; a doubt for each flight counts as one for all
+    # a prior sd for each flight counts as one for all
     sd = np.array(
         [max(c.nuisance.sd, c.nuisance.flight_sd) for c in first.columns if c.nuisance is not None]
     )
@@ -262,11 +262,11 @@ def sindy(problem: BaselineProblem) -> FittedMethod:
 
 
 def parameters(problem: BaselineProblem) -> FittedMethod:
-    """Fit all declared numbers, trims and biases by least squares.
+    """Fit all nominal parameters, trims and biases by least squares.
 
     Returns
     -------
-    Claims of the names whose number ends beyond three declared sds, and the prediction of the
+    Claims of the names whose number ends beyond three prior sds, and the prediction of the
     residual from rows. Top speed has no name.
     """
     rows = problem.train
@@ -274,7 +274,7 @@ def parameters(problem: BaselineProblem) -> FittedMethod:
     claims: dict[str, BaselineClaim] = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = nuisance_of(column)
-        # distance from the declared number in its own doubts
+        # distance from the nominal parameter in its prior sds
         outside = float(abs(value) / max(n.sd, n.flight_sd))
         if n.effect != "vehicle" and outside > OUTSIDE_SD:
             before = claims.get(n.effect, BaselineClaim(1.0, 0.0)).statistic

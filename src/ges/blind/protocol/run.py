@@ -38,7 +38,7 @@ METHODS: dict[str, dict] = {
     **{name: {"baseline": name} for name in BASELINES},
     "without-instruments": {"set": {"design.instruments": False}},
     "without-whitening": {"set": {"noise.whitening": False}},
-    "without-tolerance": {"set": {"design.declared_tolerance": False}},
+    "without-tolerance": {"set": {"design.nominal_tolerance": False}},
 }
 LIMIT_S = 600
 

@@ -95,8 +95,8 @@ def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     names, place = [f["name"] for f in truth["findings"]], folder / "cases" / case
     best = oracle.fit(seen, names)
     # errors of the file and faults of sensors are stated by the truth, and need no fit
-    declared = oracle.declared_values(truth, load_vehicle(place / "vehicle.yaml"))
-    best = dataclasses.replace(best, parameters={**best.parameters, **declared})
+    nominal = oracle.nominal_values(truth, load_vehicle(place / "vehicle.yaml"))
+    best = dataclasses.replace(best, parameters={**best.parameters, **nominal})
     of_true_names = diagnose_true_names(place, names)
     # companions (the drag that a wind acts through) are true as well, but not what was concealed
     sizes = [

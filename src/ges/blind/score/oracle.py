@@ -334,7 +334,7 @@ def _typical(parameter: effect_table.Parameter) -> float:
     return abs(parameter.default) or 0.1 * (parameter.high - parameter.low)
 
 
-def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, float]]:
+def nominal_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, float]]:
     """Return the parameters that follow from the truth without a fit.
 
     These are errors of the vehicle file and sensor faults.
@@ -365,10 +365,10 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
         / vehicle.thrust_coefficient_N_s2.value
     )
     inertia = {a: true[f"i{a}"] / getattr(vehicle.inertia_kg_m2, a) for a in ("xx", "yy", "zz")}
-    declared = vehicle.torque_coefficient_Nm_s2
-    if declared is None:
+    nominal = vehicle.torque_coefficient_Nm_s2
+    if nominal is None:
         raise GesError("the case's vehicle file has no torque coefficient; make the case anew")
-    torque = true["torque"] / declared.value
+    torque = true["torque"] / nominal.value
     parameters = {
         "payload": {
             "mass_kg": true["mass"] * concealed.get("payload_share", 0.0),

@@ -67,7 +67,7 @@ class SecondSortie:
 
     Attributes
     ----------
-    true, declared : numbers of the vehicle and of its file, in SI units.
+    true, nominal : numbers of the vehicle and of its file, in SI units.
     radius_m : rotor radius.
     rotor_m : (4, 3) hubs in the body frame.
     spin : (4,) +1 for a rotor that turns counter-clockwise seen from above, else -1.
@@ -80,7 +80,7 @@ class SecondSortie:
     """
 
     true: Mapping[str, float]
-    declared: Mapping[str, float]
+    nominal: Mapping[str, float]
     radius_m: float
     rotor_m: np.ndarray
     spin: np.ndarray
@@ -109,7 +109,7 @@ class SecondSimulation:
         self.n = sorties[0].plan.shape[1]
         self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}
         self.true = {k: _column(s.true[k] for s in sorties) for k in sorties[0].true}
-        self.declared = {k: _column(s.declared[k] for s in sorties) for k in sorties[0].declared}
+        self.nominal = {k: _column(s.nominal[k] for s in sorties) for k in sorties[0].nominal}
         self.radius = _column(s.radius_m for s in sorties)
         self.plain_hub = np.stack([s.rotor_m for s in sorties], axis=-1)
         self.spin = np.stack([s.spin for s in sorties], axis=-1).astype(float)
@@ -181,7 +181,7 @@ class SecondSimulation:
         self.steps = steps
         tuned = self.true["lag"] * self.hid["lag_gain"] + 0.5 * self.hid["frame_s"]
         places = self.plain_hub[:, :2]
-        self.pilot = Cascade(self.declared, places, self.spin, tuned, CONTROL * DT_S)
+        self.pilot = Cascade(self.nominal, places, self.spin, tuned, CONTROL * DT_S)
         # the pilot knows the load and the air of the flights before, as an integrator would
         share = np.sqrt((1.0 + self.hid["load_share"]) / self.hid["density"])
         self.pilot.trim(self._hover_command(self.hover * share), self._steady_moment())
@@ -293,7 +293,7 @@ class SecondSimulation:
         if self.near.size:
             parts |= self._ground_parts(still, thrust, i)
         parts |= self._attached_parts(still)
-        # the parts add up to all that the declared law T = k w^2 does not explain
+        # the parts add up to all that the nominal law T = k w^2 does not explain
         plain = self._wrench(thrust)
         plain[5] = torque.sum(axis=0)
         whole = plain + sum(parts.values())

@@ -704,7 +704,7 @@ def _calibrated_structure(
 def _moved_warnings(numbers: Mapping[str, Number]) -> list[str]:
     """Return a sentence for every nominal parameter that moved clearly beyond its prior sd."""
     return [
-        f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
+        f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its prior sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
         for key, n in numbers.items()
         if corrected_numbers(key) != key

@@ -74,7 +74,7 @@ class Contradicted:
             )
         return (
             f"The vehicle file is wrong about {corrected_numbers(self.key)}: these flights need"
-            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its doubt."
+            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its prior sd."
         )
 
 

@@ -413,7 +413,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
         )
         if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
-    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
+    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
 
 

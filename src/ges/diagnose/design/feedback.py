@@ -249,7 +249,7 @@ class _Channel:
         """
         rest = self.remainder(x, mean_counts=True)
         # a high pass; its width in windows, which stand half a length apart
-        width = settings.design.answer_slowest_s / (0.5 * self.length_s)
+        width = settings.design.response_slowest_s / (0.5 * self.length_s)
         return rest - gaussian_filter1d(rest, width, axis=0)
 
     def endogenous_share(self) -> np.ndarray:

@@ -781,7 +781,7 @@ def build(
     names = with_higher_orders(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
         [DesignColumn(n.key, nuisance=n) for n in nuisances(model, main, flights)]
-        if settings.design.declared_tolerance
+        if settings.design.nominal_tolerance
         else []
     )
     for v in variants:

@@ -211,7 +211,7 @@ def find_gusts(
         return None
     # F test: two axes of every stretch against what its shorter means have about their own mean
     count = 2 * len(equivalent.stretches)
-    parts = settings.statistics.block_s / settings.design.answer_slowest_s
+    parts = settings.statistics.block_s / settings.design.response_slowest_s
     chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
     if chance > settings.statistics.chance:
         return None
@@ -280,7 +280,7 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
         np.concatenate([_regressors(f, i, len(forces)) for i, f in enumerate(forces)]),
         np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
         [k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f)],
-        max(1, round(settings.design.answer_slowest_s / (0.5 * forces[0].rows.windows.length_s))),
+        max(1, round(settings.design.response_slowest_s / (0.5 * forces[0].rows.windows.length_s))),
     )
 
 

@@ -89,7 +89,7 @@ class UnmeasuredThrust:
             [f"another {SPEED.split('.')[1]}"] if self.key == SPEED else []
         )
         causes = f"{', '.join(some)} or {last}"
-        kind_of_sd = "declared" if self.key in self.system.model.prior_sds else "usual"
+        kind_of_sd = "prior" if self.key in self.system.model.prior_sds else "usual"
         return (
             f"{self._off(value, half)}, {times} times its {kind_of_sd} sd."
             f" {causes[0].upper()}{causes[1:]} would do it; where the voltage is logged ({VOLTAGE})"

@@ -60,13 +60,19 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
     residuals = without_mean_balance(raw_residuals(regression.system, joint), regression.system)
     # a drive on the ground is no regime of flight, and would pass for structure
     residuals_in_air = only_in_air(residuals, regression.system)
-    found_structures = structures(
+    return Stage(
+        model,
+        joint,
+        regression,
+        residuals,
         residuals_in_air,
-        regimes,
-        regression.system.main,
-        regression.system.blocks(settings.statistics.block_s),
+        structures(
+            residuals_in_air,
+            regimes,
+            regression.system.main,
+            regression.system.blocks(settings.statistics.block_s),
+        ),
     )
-    return Stage(model, joint, regression, residuals, residuals_in_air, found_structures)
 
 
 @dataclasses.dataclass(frozen=True)

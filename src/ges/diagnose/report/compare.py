@@ -255,7 +255,7 @@ def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
                 table.add_row(f"  {p['name']}{unit}", "", *p["each"], p["overlap"])
         yield table
     if c["numbers"]:
-        yield Text("\ncorrections of declared numbers", style="bold")
+        yield Text("\ncorrections of nominal parameters", style="bold")
         table = table_of("number", one, two, "intervals")
         for n in c["numbers"]:
             unit = f", {n['unit']}" if n["unit"] else ""

@@ -226,7 +226,7 @@ def _contradicted_finding(
             n.value,
             interval95(n.value, n.sd),
             units[p],
-            f"correction of the vehicle file, {n.sds:.1f} times its declared sd",
+            f"correction of the vehicle file, {n.sds:.1f} times its prior sd",
         )
         for n in contradicted
         for p in [ParameterKey.of(n.key).parameter]

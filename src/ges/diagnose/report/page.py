@@ -26,8 +26,8 @@ CAPTIONS: Mapping[str, str] = {
         " predicts the channel in blocks of time left out."
     ),
     "parameters": (
-        "Fitted parameters: the bar is the 95 % interval, the dot the value, grey the number and"
-        " doubt that the vehicle file declares, the dotted line zero; details list all."
+        "Fitted parameters: the bar is the 95 % interval, the dot the value, grey the nominal"
+        " value and two prior sds of the vehicle file, the dotted line zero; details list all."
     ),
     "located": (
         "The residual where it is largest, in windows of flights that took no part, and what the"
@@ -49,7 +49,7 @@ CAPTIONS: Mapping[str, str] = {
 }
 VERDICTS: Mapping[str, str] = {
     "nothing_proven": "nothing proven",
-    "parameter": "a declared parameter is wrong",
+    "parameter": "a nominal parameter is wrong",
     "sensor": "a sensor is wrong",
     "physics": "missing physics",
     "ambiguous": "more than one explanation",

@@ -505,7 +505,7 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     Parameters
     ----------
     parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file has one,
-        ``declared`` and ``declared_sd``. The first ten are drawn, which a printed page holds.
+        ``nominal`` and ``prior_sd``. The first ten are drawn, which a printed page holds.
     """
     with mpl.rc_context(STYLE):
         figure = _figure(0.4 + 0.55 * len(parameters[:MOST_PARAMETERS]))
@@ -537,7 +537,7 @@ def draw_parameters(axis: Axes, parameters: Sequence[Mapping[str, Any]]) -> dict
 def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     """Draw one line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
-    nominal, two_sds = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
+    nominal, two_sds = p.get("nominal"), 2.0 * (p.get("prior_sd") or 0.0)
     band = [nominal - two_sds, nominal + two_sds] if nominal is not None else []
     reach = [low, high, 0.0, *band]
     # every parameter has its own unit, so every line is scaled to hold what is marked on it
@@ -552,7 +552,7 @@ def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
             row + 0.4,
             color="#CCCCCC",
             linewidth=0,
-            label="declared, with two standard deviations",
+            label="nominal, with two prior sds",
         )
     axis.plot([0.0, 1.0], [row + 0.4] * 2, color="#777777", linewidth=0.6)
     axis.plot([zero_at] * 2, [row, row + 0.4], ":", color="black", linewidth=0.8, label="zero")
@@ -568,7 +568,7 @@ def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     unit = f" {p['unit']}" if p["unit"] not in ("1", "") else ""
     span = f"95 %: {number_words(low)} to {number_words(high)}"
     nominal_words = (
-        f"; declared: {number_words(nominal)} ± {number_words(two_sds, 2)}" if band else ""
+        f"; nominal: {number_words(nominal)} ± {number_words(two_sds, 2)}" if band else ""
     )
     axis.text(
         0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span}{nominal_words})"

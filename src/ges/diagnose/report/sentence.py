@@ -224,7 +224,8 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
 
 def _wrong_number(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield a contradicted nominal parameter that no effect corrects."""
-    yield f"The vehicle file is wrong about {_largest_correction(content) or 'a declared number'}."
+    wrong = _largest_correction(content) or "a nominal parameter"
+    yield f"The vehicle file is wrong about {wrong}."
 
 
 def _largest_correction(content: Mapping[str, Any]) -> str:
@@ -237,7 +238,7 @@ def _largest_correction(content: Mapping[str, Any]) -> str:
         return ""
     return (
         f"{key_words(key)}: the flights ask for {_correction_words(key, rows[key]['value'])},"
-        f" {number_words(far[key], 2)} declared sds"
+        f" {number_words(far[key], 2)} prior sds"
     )
 
 
@@ -319,7 +320,7 @@ def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
-    agree = "Nothing proven: within the declared doubts these flights agree with the simulator"
+    agree = "Nothing proven: within the prior sds these flights agree with the simulator"
     correction, stays = _largest_correction(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
     starts = [f"{agree}; farthest off is {correction}"] if correction else []

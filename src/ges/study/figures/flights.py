@@ -187,7 +187,7 @@ def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float |
         shape = flat_factor(height, vehicle.parameters(), _effect(form, x))
         # variable projection: given the shape, the best scale of a flight is linear least squares
         scale = (flights.T @ (ratio * shape)) / (flights.T @ shape**2)
-        # the last row is the offset's prior: mean 0, deviation as the vehicle file doubts it
+        # the last row is the offset's prior: mean 0, deviation as the vehicle file states it
         return np.append((ratio - (flights @ scale) * shape) / noise, x[0] / height_sd)
 
     own = form == "exponential"

@@ -17,7 +17,7 @@ from ges.simulator import effects as effect_table
 from ges.vehicle import scaling
 from ges.vehicle.file import Vehicle
 
-# effects that correct a declared number, which every format has
+# effects that correct a nominal parameter, which every format has
 FOLDED = ("thrust_scale", "torque_coefficient", "inertia", "motor_lag", "rotor_saturation")
 
 
