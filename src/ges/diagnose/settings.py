@@ -202,16 +202,6 @@ class StatisticsSettings:
         "Share of an error or of a variance from which a change, or a large structure, counts.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
     )
-    large_part: float = number(
-        0.3,
-        "",
-        "Share of a whole (a variance, a size, a pull, a correlation) from which a part is large.",
-        Convention(
-            "near a third; weaker instruments err as plain regression does (Bound, Jaeger"
-            " and Baker 1995, JASA 90, 443)"
-        ),
-        high=1.0,
-    )
     extreme_quantile: float = number(
         0.01,
         "",
@@ -427,6 +417,13 @@ class PrepareSettings:
         Convention("not measured"),
         high=1.0,
     )
+    clear_correlation: float = number(
+        0.3,
+        "",
+        "Correlation of two streams from which their delay is clear.",
+        Convention("near a third; not measured"),
+        high=1.0,
+    )
     slow_Hz: float = number(
         0.3,
         "Hz",
@@ -531,6 +528,16 @@ class DesignSettings:
             "9b8a121",
             RUN.replace("KEY=VALUE", "design.response_slowest_s=5"),
         ),
+    )
+    instrument_strength_least: float = number(
+        0.3,
+        "",
+        "Share of a signal that its instruments predict, from which they are strong.",
+        Convention(
+            "weaker instruments err as plain regression does (Bound, Jaeger and Baker 1995,"
+            " JASA 90, 443)"
+        ),
+        high=1.0,
     )
 
     @property
@@ -680,6 +687,13 @@ class EstimateSettings:
             "ges blind score DIR",
         ),
     )
+    prerequisite_share_least: float = number(
+        0.3,
+        "usual size",
+        "Least size of a prerequisite, by which the size of what needs it is divided.",
+        Convention("near a third: no quotient beyond bounds; not measured"),
+        high=1.0,
+    )
     recalibration_tolerance: float = number(
         1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
     )
@@ -702,6 +716,13 @@ class DetectSettings:
         low=1.0,
     )
     gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
+    leaning_share: float = number(
+        0.3,
+        "",
+        "Horizontal force over the pull of a load, below which the load may make it by leaning.",
+        Convention("a lean of 17 degrees; not measured"),
+        high=1.0,
+    )
     load_levels: int = number(
         13,
         "",
@@ -730,6 +751,27 @@ class LocateSettings:
         "Least spread of a speed or a place that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
     )
+    height_spread_least: float = number(
+        0.3,
+        "median height",
+        "Least spread of a height that was flown over a range.",
+        Convention("near a third; not measured"),
+        high=1.0,
+    )
+    large_r2: float = number(
+        0.3,
+        "",
+        "Share of a channel's variance, predicted by a regime of flight, from which it is large.",
+        Convention("near a third; not measured"),
+        high=1.0,
+    )
+    contribution_share: float = number(
+        0.3,
+        "",
+        "Rms of an effect's contribution over that of the residual, from which it shows.",
+        Convention("near a third: a tenth of the variance; not measured"),
+        high=1.0,
+    )
     r2_least: float = number(
         0.1,
         "",
@@ -755,6 +797,13 @@ class DecideSettings:
         " what is unlike the error of a form may be.",
         Convention("what acts through time or speed is no error of a form; not measured"),
         low=1.0,
+    )
+    law_cover: float = number(
+        0.3,
+        "",
+        "Spread of a residual over that of a law, below which trims cancel the law in flight.",
+        Convention("near a third; not measured"),
+        high=1.0,
     )
     still_air_m_s: float = number(
         0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")

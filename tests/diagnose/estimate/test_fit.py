@@ -300,7 +300,7 @@ def test_a_wind_is_as_strong_as_the_drag_that_was_found_lets_it_be():
     for found, factor in (
         (5e-5, 2.0),
         (2e-4, 0.5),
-        (1e-6, 1.0 / settings.statistics.large_part),
+        (1e-6, 1.0 / settings.estimate.prerequisite_share_least),
     ):
         told = _start([(wind, 1.5), (_variant("rotor_drag", "k_kg"), found)])
         assert told["wind"]["east_m_s"] == pytest.approx(1.5 * factor)

@@ -207,7 +207,7 @@ def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[s
 
 def _is_strong(share: float) -> bool:
     """Return whether instruments predict enough of a signal."""
-    return share > settings.statistics.large_part
+    return share > settings.design.instrument_strength_least
 
 
 def _shows_feedback(name: str) -> bool:
