@@ -10,6 +10,7 @@ EFFECT(accelerometer_bias) = {
     .name = "accelerometer_bias",
     .title = "constant accelerometer offset",
     .equation = "y = a + b",
+    .latex = "y = a + b",
     .reference = "definition",
     .channels = "acc",
     .kind = GES_SENSOR,

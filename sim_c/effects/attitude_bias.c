@@ -10,6 +10,7 @@ EFFECT(attitude_bias) = {
     .name = "attitude_bias",
     .title = "constant error of the attitude estimate",
     .equation = "R_measured = R (1 + [b]x)",
+    .latex = "R_\\text{measured} = R\\, (1 + [b]_\\times)",
     .reference = "definition",
     .channels = "attitude force_x force_y",
     .kind = GES_SENSOR,

@@ -20,6 +20,7 @@ EFFECT(battery_sag) = {
     .name = "battery_sag",
     .title = "rotor speed falls with battery voltage",
     .equation = "w_cmd = w_max u [1 + n (V/V_0 - 1)]",
+    .latex = "\\Omega_\\text{cmd} = \\Omega_\\text{max}\\, u\\, [1 + n (V/V_0 - 1)]",
     .reference = "first-order motor and battery equations",
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,

@@ -15,6 +15,7 @@ EFFECT(cg_offset) = {
     .name = "cg_offset",
     .title = "centre of gravity beside the centre of the rotors",
     .equation = "M = -r x (sum(T) e_z)",
+    .latex = "M = -r \\times \\sum T\\, e_z",
     .reference = "rigid-body statics",
     .channels = "moment_x moment_y",
     .kind = GES_WRENCH,

@@ -18,7 +18,7 @@
   C(GES_WRENCH, "wrench") C(GES_ACTUATOR, "actuator") C(GES_SENSOR, "sensor") C(GES_WIND, "wind") C(GES_PARAMETER, "parameter")
 
 /* What a finding is about: physics that a simulator lacks, a number that it has wrong, or a sensor. */
-#define GES_ABOUTS(C) C(GES_PHYSICS, "physics") C(GES_DECLARED, "parameter") C(GES_FAULT, "sensor")
+#define GES_ABOUTS(C) C(GES_PHYSICS, "physics") C(GES_NOMINAL, "parameter") C(GES_FAULT, "sensor")
 
 /* How the controller's feedback shows in what an effect makes of a flight; docs/adding-an-effect.md helps to choose. */
 #define GES_FEEDBACKS(C)                                                                                                \
@@ -139,7 +139,9 @@ typedef struct {
   F(flag, modified)     /* with each effect that modifies this one, at its `carried` levels */
 
 #define GES_EFFECT(F)                                                                                                   \
-  F(text, name) F(text, title) F(text, equation) F(text, reference)                                                     \
+  F(text, name) F(text, title) F(text, equation)                                                                        \
+  F(text, latex)        /* the equation, typeset on pages */                                                            \
+  F(text, reference)                                                                                                    \
   F(text, modifies)     /* name of the effect without which this one is nothing */                                      \
   F(words, channels)    /* force_x ... moment_z drive range gyro acc attitude */                                        \
   F(kind, kind)                                                                                                         \

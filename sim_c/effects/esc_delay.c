@@ -24,6 +24,7 @@ EFFECT(esc_delay) = {
     .name = "esc_delay",
     .title = "transport delay of the motor controllers",
     .equation = "w_cmd(t) = w_max u(t - d)",
+    .latex = "\\Omega_\\text{cmd}(t) = \\Omega_\\text{max}\\, u(t - d)",
     .reference = "Pade approximation",
     .channels = "drive force_z moment_x moment_y moment_z",
     .kind = GES_ACTUATOR,

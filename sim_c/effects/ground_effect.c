@@ -97,6 +97,8 @@ EFFECT(ground_effect) = {
     .name = "ground_effect",
     .title = "thrust gain near the ground",
     .equation = "T_i = K_T w_i^2 [1 + a (f(x_i) - 1) cos(slope)^n (1 + c kappa)], x = z/R",
+    .latex = "T_i = K_T\\, \\Omega_i^2\\, [1 + a\\, (f(x_i) - 1) \\cos^n(\\text{slope})\\, (1 + c\\, \\kappa)], "
+             "\\quad x = z/R",
     .reference = "Cheeseman & Bennett 1955; Hayden 1976; Sanchez-Cuevas et al. 2017; He & Leang 2020",
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,

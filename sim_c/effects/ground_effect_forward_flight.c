@@ -18,6 +18,7 @@ EFFECT(ground_effect_forward_flight) = {
     .name = "ground_effect_forward_flight",
     .title = "fading of the ground cushion in forward flight",
     .equation = "dT_i = -T_i (f_i - 1) (cV)^2 / ((cV)^2 + v_h^2)",
+    .latex = "\\Delta T_i = -T_i\\, (f_i - 1) \\frac{(c V)^2}{(c V)^2 + v_h^2}",
     .reference = "Cheeseman & Bennett 1955 (ARC R&M 3021)",
     .modifies = "ground_effect",
     .channels = "force_z moment_x moment_y",

@@ -22,6 +22,7 @@ EFFECT(ground_effect_lag) = {
     .name = "ground_effect_lag",
     .title = "the ground cushion builds up with a lag",
     .equation = "tau dphi/dt = (f - 1) - phi, tau = c (h + R)/v_h",
+    .latex = "\\tau \\frac{d\\phi}{dt} = (f - 1) - \\phi, \\quad \\tau = c\\, (h + R) / v_h",
     .reference = "Pitt & Peters 1981; Carpenter & Fridovich 1953",
     .modifies = "ground_effect",
     .channels = "force_z",

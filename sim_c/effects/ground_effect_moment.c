@@ -15,6 +15,7 @@ EFFECT(ground_effect_moment) = {
     .name = "ground_effect_moment",
     .title = "levelling moment near the ground other than the cushions make",
     .equation = "dM = q sum(r_i x T_i (f_i - 1) e_z)",
+    .latex = "\\Delta M = q \\sum r_i \\times T_i\\, (f_i - 1)\\, e_z",
     .reference = "Yang et al. 2025",
     .modifies = "ground_effect",
     .channels = "moment_x moment_y",

@@ -8,7 +8,8 @@ static void adjust(sample_t *s, const vd *p) {
 EFFECT(inertia) = {
     .name = "inertia",
     .title = "moments of inertia other than nominal",
-    .equation = "I = (1 + s) I_declared",
+    .equation = "I = (1 + s) I_nominal",
+    .latex = "I = (1 + s)\\, I_\\text{nominal}",
     .reference = "definition",
     .channels = "moment_x moment_y moment_z",
     .kind = GES_PARAMETER,
@@ -25,7 +26,7 @@ EFFECT(inertia) = {
           .doc = "relative change about z", .corrects = "inertia_kg_m2.zz", .plausible = 0.3,
           .prior = {.shows_in = "moment_z", .step = 0.02, .sd = 0, .reciprocal = 1}},
         },
-    .about = GES_DECLARED,
+    .about = GES_NOMINAL,
     .feedback = GES_FEEDBACK_DYNAMIC,
     .needs = "attitude",
     .rarity = 0.1,

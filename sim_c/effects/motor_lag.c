@@ -14,6 +14,7 @@ EFFECT(motor_lag) = {
     .name = "motor_lag",
     .title = "motor lag beyond the declared time constant",
     .equation = "dw/dt = (w_cmd - w) / (tau + d_tau)",
+    .latex = "\\frac{d\\Omega}{dt} = \\frac{\\Omega_\\text{cmd} - \\Omega}{\\tau + d_\\tau}",
     .reference = "first-order motor model; no active braking: slower down than up",
     .channels = "drive force_z moment_x moment_y moment_z",
     .kind = GES_ACTUATOR,

@@ -37,6 +37,7 @@ EFFECT(partial_ground_effect) = {
     .name = "partial_ground_effect",
     .title = "ground cushion averaged over the rotor disc at edges",
     .equation = "f_i - 1 averaged over a circle of radius k R",
+    .latex = "f_i - 1 \\text{ averaged over a circle of radius } k R",
     .reference = "He & Leang 2020",
     .modifies = "ground_effect",
     .channels = "force_z moment_x moment_y",

@@ -10,6 +10,7 @@ EFFECT(rangefinder_bias) = {
     .name = "rangefinder_bias",
     .title = "rangefinder offset and scale error",
     .equation = "y = (1 + s) h + b",
+    .latex = "y = (1 + s)\\, h + b",
     .reference = "definition",
     .channels = "range",
     .kind = GES_SENSOR,

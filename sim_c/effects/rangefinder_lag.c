@@ -16,6 +16,7 @@ EFFECT(rangefinder_lag) = {
     .name = "rangefinder_lag",
     .title = "rangefinder lags behind",
     .equation = "tau dy/dt = h - y",
+    .latex = "\\tau \\frac{dy}{dt} = h - y",
     .reference = "first-order filter",
     .channels = "range",
     .kind = GES_SENSOR,

@@ -22,6 +22,7 @@ EFFECT(rotor_cant) = {
     .name = "rotor_cant",
     .title = "rotors canted about their arms: a steady moment in yaw",
     .equation = "F_i = g T_i (e_z x r_i) / |r_i|, M_z = g sum(T_i |r_i|)",
+    .latex = "F_i = g\\, T_i \\frac{e_z \\times r_i}{|r_i|}, \\quad M_z = g \\sum T_i\\, |r_i|",
     .reference = "rigid-body statics",
     .channels = "moment_z",
     .kind = GES_WRENCH,

@@ -14,6 +14,7 @@ EFFECT(thrust_curve) = {
     .name = "thrust_curve",
     .title = "thrust not quadratic in the command",
     .equation = "T = T_max ((1 - c) u^2 + c u)",
+    .latex = "T = T_\\text{max}\\, ((1 - c)\\, u^2 + c\\, u)",
     .reference = "PX4 THR_MDL_FAC (1 - c)",
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,

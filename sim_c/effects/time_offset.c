@@ -14,6 +14,7 @@ EFFECT(time_offset) = {
     .name = "time_offset",
     .title = "attitude and gyro late against the other streams",
     .equation = "y(t) = x(t - d)",
+    .latex = "y(t) = x(t - d)",
     .reference = "first-order expansion",
     .channels = "gyro attitude",
     .kind = GES_SENSOR,

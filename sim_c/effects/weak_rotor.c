@@ -18,6 +18,7 @@ EFFECT(weak_rotor) = {
     .name = "weak_rotor",
     .title = "a rotor gives less thrust at the same speed (worn, cut or dirty blade)",
     .equation = "T_i = (1 - e_i) K_T w_i^2",
+    .latex = "T_i = (1 - e_i)\\, K_T\\, \\Omega_i^2",
     .reference = "definition",
     .channels = "force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,

@@ -21,6 +21,7 @@ EFFECT(wind) = {
     .name = "wind",
     .title = "steady wind",
     .equation = "V_air = v - W(z)",
+    .latex = "V_\\text{air} = v - W(z)",
     .reference = "logarithmic boundary-layer profile",
     .channels = "force_x force_y",
     .kind = GES_WIND,

@@ -32,7 +32,7 @@ def _markdown(effect: effects.Effect) -> str:
         " --- |"
     )
     rows = "\n".join(map(_parameter_row, effect.parameters))
-    about = f"{effect.title}.\n\n`{effect.equation}`\n\n{'; '.join(facts)}."
+    about = f"{effect.title}.\n\n$$ {effect.latex} $$\n\n{'; '.join(facts)}."
     return f"## {effect.name}\n\n{about}\n\n{head}\n{rows}\n"
 
 
@@ -50,6 +50,7 @@ def _record(effect: effects.Effect) -> dict:
         "title": effect.title,
         "kind": effect.kind,
         "equation": effect.equation,
+        "latex": effect.latex,
         "parameters": {
             p.name: {"unit": p.unit, "default": p.default, "low": p.low, "high": p.high}
             for p in effect.parameters

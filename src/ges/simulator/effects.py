@@ -150,7 +150,8 @@ class Effect:
     ----------
     number : index in the compiled library; -1 for laws.
     name, title : identifier, and a line for people.
-    equation, reference : formula and its source.
+    equation, latex : formula, as plain text and as LaTeX.
+    reference : its source.
     modifies : effect that this one modifies; None for an effect of its own.
     channels : channels in which it acts.
     kind : ``wrench``, ``actuator``, ``sensor``, ``wind`` or ``parameter``.
@@ -176,6 +177,7 @@ class Effect:
     name: str
     title: str
     equation: str
+    latex: str
     reference: str
     modifies: str | None
     channels: tuple[str, ...]
@@ -403,6 +405,7 @@ def _law() -> Effect:
         name=laws.LAW,
         title="law found in flights, which no effect of the library has",
         equation="F_c = sum_j c_j m g prod_k g_k^n |g_k|^m near_j",
+        latex=r"F_c = \sum_j c_j\, m g \prod_k g_k^n |g_k|^m\, \text{near}_j",
         reference="Buckingham 1914",
         modifies=None,
         channels=laws.CHANNELS,

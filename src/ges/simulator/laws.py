@@ -64,6 +64,11 @@ class Group:
         """The group as it is written, without brackets: ``V_x/v_h``."""
         return f"{self.quantity}/{self.reference}"
 
+    @property
+    def latex(self) -> str:
+        """The group in LaTeX, without brackets."""
+        return rf"\frac{{{self.quantity}}}{{{self.reference}}}"
+
 
 @functools.lru_cache(maxsize=1)
 def groups() -> dict[str, Group]:
@@ -133,6 +138,21 @@ class Term:
             x, y, width = map(repr, self.near_m)
             factors.append(f"near({x} m, {y} m, {width} m)")
         return " ".join(factors)
+
+    @property
+    def latex(self) -> str:
+        r"""The term in LaTeX: ``m g \left(\frac{V_x}{v_h}\right)``."""
+        factors = [f"{self.scale} L" if self.channel.startswith("moment") else self.scale]
+        for group, n, m in zip(groups().values(), self.power, self.magnitude, strict=True):
+            signed = rf"\left({group.latex}\right)" if n else ""
+            unsigned = rf"\left|{group.latex}\right|" if m else ""
+            factors.append(
+                signed + (f"^{n}" if n > 1 else "") + unsigned + (f"^{m}" if m > 1 else "")
+            )
+        if self.local:
+            place = r", ".join(rf"{number:g}\,\text{{m}}" for number in self.near_m)
+            factors.append(rf"\,\text{{near}}({place})")
+        return r" ".join(filter(None, factors))
 
     @property
     def local(self) -> bool:
@@ -260,6 +280,30 @@ def written(coefficients: Mapping[Term, float], digits: int | None = None) -> st
     parts = [f"{c:{form}} {first.text}"]
     parts += [f"{'-' if c < 0 else '+'} {abs(c):{form}} {term.text}" for term, c in more]
     return " ".join(parts)
+
+
+def latex(channel: str, coefficients: Mapping[Term, float]) -> str:
+    r"""Write a law in LaTeX.
+
+    Parameters
+    ----------
+    channel : one of :data:`CHANNELS`.
+    coefficients : by term; none for a law that is zero.
+
+    Examples
+    --------
+    >>> latex("force_y", parse("force_y", "1.2e-5 T - 0.02 m g (R/h)^2"))
+    'F_y = 1.2 \\times 10^{-5}\\, T - 0.02\\, m g \\left(\\frac{R}{h}\\right)^2'
+    """
+    kind, axis = channel.split("_")
+    terms = [rf"{_latex_number(c)}\, {term.latex}" for term, c in coefficients.items()] or ["0"]
+    right = " + ".join(terms).replace("+ -", "- ")
+    return f"{kind[0].upper()}_{axis} = {right}"
+
+
+def _latex_number(value: float) -> str:
+    mantissa, _, exponent = f"{value:g}".partition("e")
+    return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
 @functools.lru_cache(maxsize=1024)

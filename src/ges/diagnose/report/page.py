@@ -14,7 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from ges.diagnose.prove.traces import Trace
-from ges.diagnose.report import blocks
+from ges.diagnose.report import blocks, equations
 from ges.diagnose.report.charts import chart_data
 from ges.diagnose.types import words
 from ges.files import write_text
@@ -93,7 +93,13 @@ def environment() -> jinja2.Environment:
         # a key that a diagnosis does not have leaves its place empty, and is no error
         undefined=jinja2.ChainableUndefined,
     )
-    templates.globals |= {"asset": _asset, "hash_of": _hash_of}
+    templates.globals |= {
+        "asset": _asset,
+        "hash_of": _hash_of,
+        "effect_equation": equations.effect_equation,
+        "law_equation": equations.law_equation,
+        "term_equation": equations.term_equation,
+    }
     templates.filters.update(
         number=words.number_words,
         percent=words.percent_words,
