@@ -32,7 +32,8 @@ def _markdown(effect: effects.Effect) -> str:
         " --- |"
     )
     rows = "\n".join(map(_parameter_row, effect.parameters))
-    about = f"{effect.title}.\n\n$$ {effect.latex} $$\n\n{'; '.join(facts)}."
+    formula = "\n\n".join(f"$$ {line} $$" for line in effect.latex_lines)
+    about = f"{effect.title}.\n\n{formula}\n\n{'; '.join(facts)}."
     return f"## {effect.name}\n\n{about}\n\n{head}\n{rows}\n"
 
 

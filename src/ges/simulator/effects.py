@@ -150,7 +150,7 @@ class Effect:
     ----------
     number : index in the compiled library; -1 for laws.
     name, title : identifier, and a line for people.
-    equation, latex : formula, as plain text and as LaTeX.
+    equation, latex : formula, as plain text and as LaTeX, whose lines are parted by ``\\\\``.
     reference : its source.
     modifies : effect that this one modifies; None for an effect of its own.
     channels : channels in which it acts.
@@ -226,6 +226,11 @@ class Effect:
     def moves_air(self) -> bool:
         """Whether it is a wind, which acts on what reads the velocity relative to the air."""
         return self.kind == "wind"
+
+    @property
+    def latex_lines(self) -> list[str]:
+        """The formula in LaTeX, by lines."""
+        return self.latex.split(r" \\ ")
 
     @property
     def prerequisites(self) -> tuple[str, ...]:

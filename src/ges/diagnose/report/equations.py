@@ -33,7 +33,7 @@ def effect_equation(finding: Mapping[str, Any]) -> Markup:
     effect = effect_table.table().get(finding["name"])
     if effect is None or effect.equation != finding["equation"]:
         return Markup("<code>{}</code>").format(finding["equation"])
-    return typeset(effect.latex)
+    return Markup("").join(map(typeset, effect.latex_lines))
 
 
 def law_equation(law: Mapping[str, Any], display: str = "block") -> Markup:
