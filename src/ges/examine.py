@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +99,7 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
         ]
         alike, log_odds = faults.find_faults([frame])
         report["fault"] = faults.sentence(alike, log_odds) if alike else ""
-        report["can_tell"], report["cannot_tell"] = _effects(frame)
+        report["can_tell"], report["cannot_tell"] = _effects(frame, log.unusable)
     return report
 
 
@@ -126,8 +126,11 @@ def _advice(log: Log) -> dict[str, str]:
     return advised
 
 
-def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
-    """Split the effects into those with all their streams, and what each of the others lacks."""
+def _effects(frame: pd.DataFrame, unusable: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
+    """Split the effects into those with all their streams, and what each of the others lacks.
+
+    ``unusable`` has the reasons why columns that are logged are not used.
+    """
     # as a diagnosis prepares it; a vehicle of defaults will do, as streams are asked for
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame)), frame)
     can, cannot = [], {}
@@ -136,7 +139,8 @@ def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
             continue
         needs = unmet_requirement(name, [flight], Model({}))
         if needs:
-            cannot[name] = needs
+            why = {reason: None for column, reason in unusable.items() if column in needs}
+            cannot[name] = "; ".join([needs, *why])
         else:
             can.append(name)
     return can, cannot

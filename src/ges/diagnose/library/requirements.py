@@ -71,7 +71,7 @@ REQUIREMENTS: Mapping[str, Requirement] = {
         VOLTAGE,
     ),
     "velocity": Requirement(
-        _all_have("velocity"), "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
+        _all_have("velocity"), "needs a logged velocity (all of v_x_m_s, v_y_m_s, v_z_m_s)"
     ),
     "position": Requirement(_all_have("position"), "needs a logged position (p_x_m ...)"),
     "rates": Requirement(_all_have("gyro"), "needs a logged gyro (omega_x_rad_s ...)"),

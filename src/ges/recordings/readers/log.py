@@ -129,6 +129,7 @@ class Log:
     parameters : the autopilot's own parameters, by their own names, as logged.
     notes : what was found, chosen or corrected, one sentence each.
     refusal : why the log is of no use at all; '' where it is.
+    unusable : columns that are logged and not used, each with the reason.
 
     Examples
     --------
@@ -145,6 +146,7 @@ class Log:
     parameters: Mapping[str, float] = dataclasses.field(default_factory=dict)
     notes: Sequence[str] = ()
     refusal: str = ""
+    unusable: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def problem(self) -> str:
         """Say why this log cannot be diagnosed.

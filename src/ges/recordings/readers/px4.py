@@ -145,6 +145,8 @@ class _Topic:
 class Uorb:
     """Topics, parameters and notes of a log of PX4's own messages, of a ULog or a ROS bag.
 
+    ``unusable`` has what is logged and not used, as of :class:`~ges.recordings.readers.log.Log`.
+
     Parameters
     ----------
     name : name of the log, for messages.
@@ -158,6 +160,7 @@ class Uorb:
     ) -> None:
         self.name, self.start_us = name, start_us
         self.notes: list[str] = []
+        self.unusable: dict[str, str] = {}
         self.parameters, self.about = _numbers(parameters), about
         self._instances: dict[str, list[_Topic]] = {}
 
@@ -332,6 +335,13 @@ def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
         # a coordinate counts where its own flag does: height may be known without a place
         north, east, down = (topic.valid_values(f, ok) for f, ok in zip(fields, flags, strict=True))
         columns = frames.named(names, frames.enu_from_ned(north, east, down))
+        for name, flag in zip(names, flags, strict=True):
+            if not np.isfinite(columns[name]).any():
+                source = "no GPS, optical flow or motion capture" if "xy" in flag else "nothing"
+                log.unusable[name] = (
+                    f"{flag} of vehicle_local_position is 0 throughout: {source} gave the estimator"
+                    f" a {stream}"
+                )
         if valid := {name: v for name, v in columns.items() if np.isfinite(v).any()}:
             yield stream, Stream(topic.measured_s(), valid, "vehicle_local_position")
     if topic := log.topic("vehicle_local_position", "x", "y", "z"):
@@ -723,4 +733,5 @@ class Px4:
             log.parameters,
             tuple(log.notes),
             _refusal(log),
+            log.unusable,
         )

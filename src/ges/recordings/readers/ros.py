@@ -263,8 +263,13 @@ def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) ->
     }
 
 
-def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> dict[str, Stream]:
-    """Give streams of the topics that are PX4's own messages, by PX4's own clock."""
+def _uorb(
+    bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]
+) -> tuple[dict[str, Stream], dict[str, str]]:
+    """Give streams of the topics that are PX4's own messages, by PX4's own clock.
+
+    With them comes what is logged and not used, by column.
+    """
     tables = {}
     for entry in (t for t in mapping.topics if t.uorb):
         topic = bag.find(entry.topic)
@@ -273,14 +278,14 @@ def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> d
             if len(table["t_s"]) > 1 and "timestamp" in table:
                 tables[entry.uorb] = table
     if not tables:
-        return {}
+        return {}, {}
     # stamps of PX4's own clock, in microseconds
     log = px4.Uorb(bag.name, min(float(t["timestamp"][0]) for t in tables.values()))
     for name, table in tables.items():
         log.add(name, 0, table)
     streams = px4.uorb_streams(log, options)
     notes += log.notes
-    return streams
+    return streams, log.unusable
 
 
 def _with_ordered_speeds(
@@ -368,7 +373,7 @@ class Ros:
                 bag = _Bag(reader, path.name)
                 mapping, chosen = _map_for(bag, options)
                 notes += [chosen] if chosen else []
-                uorb = _uorb(bag, mapping, options, notes)
+                uorb, unusable = _uorb(bag, mapping, options, notes)
                 mapped = _with_ordered_speeds(_mapped(bag, mapping, options, notes), options, notes)
         except (GesError, OSError):
             raise
@@ -399,4 +404,5 @@ class Ros:
             {},
             tuple(notes),
             f"this is a log of {kind}; multirotors can be diagnosed" if kind else "",
+            unusable,
         )
