@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ges.diagnose.pipeline import diagnose
-from ges.diagnose.prepare.cut import cut
+from ges.diagnose.prepare.split import cut
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.report.drawing import Drawing
 from ges.diagnose.report.figures import map_figure

@@ -23,7 +23,6 @@ from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.detectors.loads import probable_load, refine_load
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import with_rollout_path
-from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import (
     Candidate,
     amplitude_of,
@@ -31,6 +30,7 @@ from ges.diagnose.library.candidates import (
     has_prerequisite,
     modifiers_of,
 )
+from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.select.alike import Alike
 from ges.diagnose.select.evidence import Posterior, Regression, make_regression
 from ges.diagnose.select.scorer import entries

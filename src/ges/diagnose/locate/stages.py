@@ -17,7 +17,7 @@ from ges.diagnose.estimate.fit import (
     with_corrections,
 )
 from ges.diagnose.estimate.recalibrate import at_corrections, operating_point
-from ges.diagnose.library.available import candidates_of
+from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared

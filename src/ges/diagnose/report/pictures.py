@@ -242,7 +242,10 @@ def draw_held_out(axis: Axes, channels: Mapping[str, Mapping[str, Any]]) -> None
                 capsize=2.5,
             )
     axis.axvline(1.0, color="black", linewidth=0.6)
-    axis.set_yticks(range(len(names)), [_before_words(n, channels[n]["before"]) for n in names])
+    labels = [
+        f"{channel_words(n)}\n{number_words(channels[n]['before'])} {unit_words(n)}" for n in names
+    ]
+    axis.set_yticks(range(len(names)), labels)
     axis.invert_yaxis()
     axis.set_xlabel("error on held-out flights (1: that of the vehicle file, written at the left)")
 
@@ -258,10 +261,6 @@ def _after_error(
     # after = recalibrated (1 - reduction): the upper end of the reduction is the lower error
     low, high = recalibrated * (1.0 - ci[:, 1]), recalibrated * (1.0 - ci[:, 0])
     return np.nan_to_num(np.clip([values - low, high - values], 0.0, None))
-
-
-def _before_words(channel: str, before: float) -> str:
-    return f"{channel_words(channel)}\n{number_words(before)} {unit_words(channel)}"
 
 
 def residual_against(*drawn: Any) -> Figure:
