@@ -5,7 +5,7 @@
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
   (void)x, (void)dx;
   for (int i = 0; i < ROTORS_OF(s); i++) {
-    vd f = lane_max(1.0 + s->cushion[i], all_lanes(0.1));
+    vd f = lane_max(1.0 + s->thrust_gain[i], all_lanes(0.1));
     add->speed[i] += s->speed_max * s->u[i] * (lane_pow(f, -p[0]) - 1.0);
   }
 }

@@ -40,7 +40,9 @@ def _markdown(effect: effects.Effect) -> str:
 def _page() -> str:
     intro = (
         "# Effects\n\nGenerated from the compiled library by `make docs`; the code is in"
-        " `sim_c/effects/`.\n\n"
+        " `sim_c/effects/`.\n\nIn equations $T_i$ is the thrust, $\\Omega_i$ the speed and $r_i$"
+        " the place of rotor $i$, $K_T$ the thrust coefficient, $V$ the velocity through the air,"
+        " $\\omega$ the body rates.\n\n"
     )
     return intro + "\n".join(map(_markdown, effects.table().values()))
 
