@@ -138,15 +138,11 @@ def fetch(
     source = known[name]
     for local, (path, sha256) in source.files.items():
         target = out / local
-        if not _is_published(target, sha256):
+        if not target.is_file() or hashlib.sha256(target.read_bytes()).hexdigest() != sha256:
             given = _copy(copies, local) if copies else _download(source, path, timeout_s)
             with replacing(target) as new:
                 new.write_bytes(check(given, sha256, local))
         yield target
-
-
-def _is_published(path: Path, sha256: str) -> bool:
-    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == sha256
 
 
 def _copy_shipped(folder: Traversable, out: Path) -> Iterator[Path]:

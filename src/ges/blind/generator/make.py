@@ -234,7 +234,10 @@ def fly_batch(
 def _fly_alike(cases: Sequence[Case], out: Path, seed: int) -> list[Case]:
     """Fly cases of vehicles with as many rotors, and write those that could be flown."""
     book = Simulation([s for c in cases for s in c.sorties]).run()
-    parts = [_slice(book, k) for k in range(len(cases))]
+    parts = [
+        [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
+        for k in range(len(cases))
+    ]
     well = [(c, p) for c, p in zip(cases, parts, strict=True) if _flew(c, p)]
     limits = detectable_of([c for c, _ in well], [p for _, p in well])
     for (case, part), limit in zip(well, limits, strict=True):
@@ -290,10 +293,6 @@ def _sortie(
     plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)
     turbulence = around.turbulence * float(np.clip((0.65 / craft.true["mass"]) ** 0.15, 0.8, 1.5))
     return Sortie(craft, numbers, plan, z, around.charge[f], turbulence, int(rng.integers(2**62)))
-
-
-def _slice(book: Mapping[str, np.ndarray], k: int) -> list[dict[str, np.ndarray]]:
-    return [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
 
 
 def _flew(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> bool:

@@ -131,7 +131,9 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     sd = np.array(
         [max(c.nuisance.sd, c.nuisance.flight_sd) for c in first.columns if c.nuisance is not None]
     )
-    beta = _ridge(rows[0].nuisance, rows[0].raw, sd)
+    # maximum a posteriori with unit noise and the prior N(0, sd^2): (X' X + S^-2) b = X' y
+    x = rows[0].nuisance
+    beta = np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ rows[0].raw)
     train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
     columns = np.array(first.columns, dtype=object)
     names = tuple(recordings.flights[i].name for i in held_out)
@@ -165,11 +167,6 @@ def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> BaselineRows:
         for k in range(5)
     )
     return BaselineRows(y, y, x[:, ~free], x[:, free], state, channel, flight)
-
-
-def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
-    # maximum a posteriori with unit noise and the prior N(0, sd^2): (X' X + S^-2) b = X' y
-    return np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ y)
 
 
 def stepwise(problem: BaselineProblem) -> FittedMethod:

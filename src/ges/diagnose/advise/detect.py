@@ -240,7 +240,11 @@ def smallest_detectable(
         alone = _sizes_given(regression, pooled, unit, {*given} - {name}, name)
         content |= {name: _entry_of_detected(alone[name], effect)} if name in alone else {}
     others = _sizes_given(regression, pooled, unit, {*given}, None)
-    return content | {name: _median_entry(entries) for name, entries in others.items()}
+    # of the shapes the middle one by relative size
+    for name, entries in others.items():
+        ranked = sorted(entries, key=lambda entry: entry.relative)
+        content[name] = ranked[(len(entries) - 1) // 2].content
+    return content
 
 
 def _entry_of_detected(entries: Sequence[_Entry], detected: DetectedEffect) -> dict[str, Any]:
@@ -285,11 +289,6 @@ def _sizes_given(
 def _is_reported(column: DesignColumn) -> bool:
     """Return whether a column has a size: the main part of effects that nothing modifies."""
     return column.part != "moment" and not modifiers_of(variant_of(column))
-
-
-def _median_entry(entries: Sequence[_Entry]) -> dict[str, Any]:
-    """Return the middle of entries by their relative size."""
-    return sorted(entries, key=lambda entry: entry.relative)[(len(entries) - 1) // 2].content
 
 
 def _entry(regression: Regression, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:

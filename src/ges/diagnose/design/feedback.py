@@ -170,10 +170,11 @@ def flight_instruments(
     z = instruments(flight, windows, model, names)
     signal = rotor_signals(flight, windows, model, speeds, names)
     block = blocks_of([(windows, flight.t_s[0])], settings.statistics.block_s)[0]
+    # channels in which a controller's response shows
     shown = [
         n
         for n, finite in zip(names, np.isfinite(y).all(axis=0), strict=True)
-        if finite and _shows_feedback(n)
+        if finite and (block_of(n) in ("moment", DRIVE) or n in VERTICAL)
     ]
     return FlightInstruments(
         z, signal, {n: instrument_strength(signal[n], z[n], block) for n in shown}
@@ -208,11 +209,6 @@ def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[s
 def _is_strong(share: float) -> bool:
     """Return whether instruments predict enough of a signal."""
     return share > settings.design.instrument_strength_least
-
-
-def _shows_feedback(name: str) -> bool:
-    """Return whether a controller's response shows in a channel."""
-    return block_of(name) in ("moment", DRIVE) or name in VERTICAL
 
 
 @dataclasses.dataclass(frozen=True)

@@ -77,7 +77,9 @@ def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
     """
     findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
-        yield from _wrong_number(content)
+        # a contradicted nominal parameter that no effect corrects
+        wrong = _largest_correction(content) or "a nominal parameter"
+        yield f"The vehicle file is wrong about {wrong}."
         return
     if not content["fit"].get("channels"):
         forms = [(True, ""), (False, "")]
@@ -220,12 +222,6 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
         if name is not None and gains[name] >= settings.statistics.least_gain
         else None
     )
-
-
-def _wrong_number(content: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a contradicted nominal parameter that no effect corrects."""
-    wrong = _largest_correction(content) or "a nominal parameter"
-    yield f"The vehicle file is wrong about {wrong}."
 
 
 def _largest_correction(content: Mapping[str, Any]) -> str:
