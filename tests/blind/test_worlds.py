@@ -163,11 +163,11 @@ def test_pieces_go_on_to_the_same_bytes(tmp_path, toys, monkeypatch):
 
 def test_other_makers_or_seeds_clear_away_what_was_begun(tmp_path, toys):
     out = tmp_path / "abroad"
-    worlds._begin(out, {"seed": 1})
+    seal.begin(out, {"seed": 1})
     (out / "cases" / "left").mkdir()
-    worlds._begin(out, {"seed": 1})
+    seal.begin(out, {"seed": 1})
     assert (out / "cases" / "left").exists()
-    worlds._begin(out, {"seed": 2})
+    seal.begin(out, {"seed": 2})
     assert not (out / "cases" / "left").exists()
 
 

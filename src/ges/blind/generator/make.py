@@ -37,12 +37,11 @@ from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 from ges.blind.protocol import seal
 from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
-from ges.files import read_kept, tree_hash, write_json
+from ges.files import tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
 BATCH = 12
 ATTEMPTS, GENTLER = 8, 0.9
-BEGUN, MADE = "begun.json", "made.json"
 WITNESSED = (
     "p",
     "v",
@@ -132,7 +131,7 @@ def make_cases(
         "cases": len(every),
         "generator": tree_hash(PACKAGE, sources(__name__)),
     }
-    _begin(out, about)
+    seal.begin(out, about)
     batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
     waiting = [b for b in batches if not all(_sealed(out, spec, grid, seed) for spec in b)]
     done = len(every) - sum(map(len, waiting))
@@ -140,7 +139,7 @@ def make_cases(
     for count in _spread(waiting, out, grid, seed, processes):
         done += count
         tell(done, len(every))
-    os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
+    os.replace(out / "sealed" / seal.BEGUN, out / "sealed" / seal.MADE)
     seal.close(out)
     return len(every)
 
@@ -155,20 +154,6 @@ def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
     """
     sums.unlink(missing_ok=True)
     make_cases(sums.parents[1], seed, grid, processes)
-
-
-def _begin(out: Path, about: dict) -> None:
-    """Keep the cases of an interrupted run of the very same generator, grid and seed.
-
-    All others are cleared away.
-    """
-    note = out / "sealed" / BEGUN
-    if read_kept(note, dict) == about:
-        return
-    for name in ("cases", "sealed"):
-        shutil.rmtree(out / name, ignore_errors=True)
-        (out / name).mkdir(parents=True)
-    write_json(note, about)
 
 
 def _sealed(out: Path, spec: Spec, grid: str, seed: int) -> bool:
