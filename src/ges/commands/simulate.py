@@ -49,8 +49,8 @@ def _missing(vehicle: Vehicle) -> tuple[dict[str, float], list[str]]:
         # a scaling law of published frames: a share of mass times squared arm
         values |= {f"i{axis}_kg_m2": getattr(inertia, axis) for axis in ("xx", "yy", "zz")}
         notes.append(
-            f"inertia is not in the file; taken as {scaling.ACROSS:g}, {scaling.ACROSS:g} and"
-            f" {scaling.ALONG:g} of mass times arm squared"
+            f"inertia is not in the file; taken as {scaling.ABOUT_X_Y:g}, {scaling.ABOUT_X_Y:g} and"
+            f" {scaling.ABOUT_Z:g} of mass times arm squared"
         )
     if vehicle.torque_coefficient_Nm_s2 is None:
         thrust = vehicle.thrust_coefficient_N_s2.value

@@ -236,8 +236,8 @@ def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
     if push is None or not all(n in frame for n in SPECIFIC_FORCE):
         return {}
     name, of_rotors = push
-    along = _on(grid, frame, SPECIFIC_FORCE)[:, 2]
-    return {f"acc_z_m_s2 and {name}": (along, of_rotors.sum(axis=1))}
+    along_thrust = _on(grid, frame, SPECIFIC_FORCE)[:, 2]
+    return {f"acc_z_m_s2 and {name}": (along_thrust, of_rotors.sum(axis=1))}
 
 
 def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | None:

@@ -207,10 +207,10 @@ def _wrong_force(frame: pd.DataFrame) -> str | None:
             f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert"
             " to m/s^2"
         )
-    along = float(np.nanmedian(frame["acc_z_m_s2"]))
-    if along < -_LOWEST_FORCE_M_S2:
+    usual = float(np.nanmedian(frame["acc_z_m_s2"]))
+    if usual < -_LOWEST_FORCE_M_S2:
         return (
-            f"acc_z_m_s2 reads {along:.2g} most of the time: z points down; the body frame is"
+            f"acc_z_m_s2 reads {usual:.2g} most of the time: z points down; the body frame is"
             " forward-left-up, so negate y and z of accelerometer and gyro"
         )
     return None

@@ -351,7 +351,7 @@ class SecondSimulation:
         edge, tip = np.hypot(ex, ey), np.maximum(self.w, 0.2 * self.hover) * self.radius
         mu, lam, none = edge / tip, climb / tip, 0.0 * edge
         # each with the other's motion at rest, so that each name has a part of its own
-        along = rotor.look_up(self.thrust_table, none, lam) - 1.0
+        axial_share = rotor.look_up(self.thrust_table, none, lam) - 1.0
         lifted = rotor.look_up(self.thrust_table, mu, none) - 1.0
         size = RHO_KG_M3 * np.pi * self.radius**2 * tip**2 * hid["drag_gain"]
         size = size * rotor.look_up(self.inplane_table, mu, lam) / np.maximum(edge, 1e-6)
@@ -371,7 +371,7 @@ class SecondSimulation:
         return {
             "rotor_drag": drag,
             "parasitic_drag": box,
-            "axial_inflow": self._wrench(hid["axial"] * along * thrust),
+            "axial_inflow": self._wrench(hid["axial"] * axial_share * thrust),
             "translational_lift": self._wrench(hid["edgewise"] * lifted * thrust),
         }
 

@@ -75,11 +75,11 @@ def regime_variables(flight: Prepared, windows: Windows, model: Model) -> dict[s
         v = flight.stack("velocity")[at]
         variables |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
         if flight.has("attitude") and "attitude" not in flight.derived:
-            along = to_body(flight.stack("attitude")[at], v)
+            v_body = to_body(flight.stack("attitude")[at], v)
             variables |= {
-                "forward_m_s": along[:, 0],
-                "left_m_s": along[:, 1],
-                "along_thrust_m_s": along[:, 2],
+                "forward_m_s": v_body[:, 0],
+                "left_m_s": v_body[:, 1],
+                "along_thrust_m_s": v_body[:, 2],
             }
     if flight.has("position"):
         variables |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
