@@ -405,8 +405,9 @@ def _unlogged(
     }
     sources = {
         "inertia_kg_m2": (
-            f"Not in the log: {scaling.ABOUT_X_Y:g}, {scaling.ABOUT_X_Y:g} and {scaling.ABOUT_Z:g} of mass"
-            f" times squared arm, as published quadrotors have to {scaling.INERTIA_SD_REL:.0%}."
+            f"Not in the log: {scaling.ABOUT_X_Y:g}, {scaling.ABOUT_X_Y:g} and {scaling.ABOUT_Z:g}"
+            " of mass times squared arm, as published quadrotors have to"
+            f" {scaling.INERTIA_SD_REL:.0%}."
         ),
         "torque_coefficient_Nm_s2": (
             f"Not in the log: {scaling.TORQUE:g} of thrust times diameter, as published rotors have"
