@@ -39,7 +39,7 @@ flights = load_set(folder / "example")
 # %% [markdown]
 # ## The vehicle, and how well it is known
 #
-# Every number has a doubt. A number that is wrong within its doubt is calibrated; beyond it, it is
+# Every number has a prior sd. A number that is wrong within it is calibrated; beyond it, it is
 # a finding.
 
 # %%
@@ -70,7 +70,7 @@ pd.DataFrame(
 #
 # ## What it is worth
 #
-# Errors on the flight that took no part: as given, recalibrated within the doubts, and with the
+# Errors on the flight that took no part: as given, recalibrated within the prior sds, and with the
 # findings.
 
 # %%

@@ -27,8 +27,8 @@ typedef struct {
   const effect_t *effect[GES_MAX_EFFECTS];
   vd p[GES_MAX_EFFECTS][GES_MAX_PARAMETERS];
   int first_state[GES_MAX_EFFECTS];
-  cushion_hook *cushion; /* of the effect that has one, or NULL, and its parameters */
-  const vd *cushion_p;
+  thrust_gain_hook *thrust_gain; /* of the effect that has one, or NULL, and its parameters */
+  const vd *thrust_gain_p;
   int wants_agl;
   law_t law;
 } active_t;
@@ -160,7 +160,7 @@ static inline void build_sample(const vehicle_t *b, const active_t *a, ground_la
   sample_rotors(b, g, s);
   if (a->wants_agl) sample_center(g, s);
   sample_air(a, y, s);
-  if (a->cushion) a->cushion(s, a->cushion_p, s->cushion);
+  if (a->thrust_gain) a->thrust_gain(s, a->thrust_gain_p, s->thrust_gain);
 }
 
 /* Hubs, radii and spins do not change along a flight. */
@@ -178,8 +178,8 @@ static inline void start_sample(const vehicle_t *b, const active_t *a, sample_t 
   memcpy(s->radius, b->radius, sizeof s->radius);
   memcpy(s->spin, b->spin, sizeof s->spin);
   s->battery = all_lanes(NAN);
-  s->cushion_at = a->cushion;
-  s->cushion_p = a->cushion_p;
+  s->thrust_gain_at = a->thrust_gain;
+  s->thrust_gain_p = a->thrust_gain_p;
 }
 
 /* Thrust increments near the ground. */

@@ -10,6 +10,7 @@ EFFECT(accelerometer_bias) = {
     .name = "accelerometer_bias",
     .title = "constant accelerometer offset",
     .equation = "y = a + b",
+    .latex = "y = a + b",
     .reference = "definition",
     .channels = "acc",
     .kind = GES_SENSOR,
@@ -17,11 +18,11 @@ EFFECT(accelerometer_bias) = {
     .parameters =
         {
          {.name = "x_m_s2", .unit = "m/s^2", .role = GES_AMPLITUDE, .value = 0.1, .neutral = 0, .low = -5, .high = 5,
-          .doc = "offset, body x", .doubt = {.shows_in = "acc_x", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
+          .doc = "offset, body x", .prior = {.shows_in = "acc_x", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
          {.name = "y_m_s2", .unit = "m/s^2", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -5, .high = 5,
-          .doc = "offset, body y", .doubt = {.shows_in = "acc_y", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
+          .doc = "offset, body y", .prior = {.shows_in = "acc_y", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
          {.name = "z_m_s2", .unit = "m/s^2", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -5, .high = 5,
-          .doc = "offset, body z", .doubt = {.shows_in = "acc_z", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
+          .doc = "offset, body z", .prior = {.shows_in = "acc_z", .step = 0.02, .sd = 0.04, .flight_sd = 0.03}},
         },
     .about = GES_FAULT,
     .feedback = GES_FEEDBACK_NONE,

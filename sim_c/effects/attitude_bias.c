@@ -10,6 +10,7 @@ EFFECT(attitude_bias) = {
     .name = "attitude_bias",
     .title = "constant error of the attitude estimate",
     .equation = "R_measured = R (1 + [b]x)",
+    .latex = "R_\\text{measured} = R\\, (1 + [b]_\\times)",
     .reference = "definition",
     .channels = "attitude force_x force_y",
     .kind = GES_SENSOR,
@@ -17,10 +18,10 @@ EFFECT(attitude_bias) = {
     .parameters =
         {
          {.name = "x_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = -0.3, .high = 0.3,
-          .doc = "about body x", .doubt = {.shows_in = "force", .step = 0.002, .sd = 0.006, .flight_sd = 0.003},
+          .doc = "about body x", .prior = {.shows_in = "force", .step = 0.002, .sd = 0.006, .flight_sd = 0.003},
           .whole = 1},
          {.name = "y_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.3, .high = 0.3,
-          .doc = "about body y", .doubt = {.shows_in = "force", .step = 0.002, .sd = 0.006, .flight_sd = 0.003},
+          .doc = "about body y", .prior = {.shows_in = "force", .step = 0.002, .sd = 0.006, .flight_sd = 0.003},
           .whole = 1},
          {.name = "z_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -0.3, .high = 0.3,
           .doc = "about body z"},

@@ -21,6 +21,7 @@ EFFECT(axial_inflow) = {
     .name = "axial_inflow",
     .title = "loss of thrust when climbing (heave damping)",
     .equation = "dT_i = -k w_i V_axial,i",
+    .latex = "\\Delta T_i = -k\\, \\Omega_i\\, V_{\\text{axial},i}",
     .reference = "Bramwell; Padfield 2007",
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,

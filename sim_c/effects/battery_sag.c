@@ -20,6 +20,7 @@ EFFECT(battery_sag) = {
     .name = "battery_sag",
     .title = "rotor speed falls with battery voltage",
     .equation = "w_cmd = w_max u [1 + n (V/V_0 - 1)]",
+    .latex = "\\Omega_\\text{cmd} = \\Omega_\\text{max}\\, u\\, [1 + n (V/V_0 - 1)]",
     .reference = "first-order motor and battery equations",
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,
@@ -28,7 +29,7 @@ EFFECT(battery_sag) = {
         {
          {.name = "sensitivity", .unit = "1", .role = GES_AMPLITUDE, .value = 1, .neutral = 0, .low = 0, .high = 2,
           .doc = "relative speed per relative voltage",
-          .doubt = {.shows_in = "drive", .step = 0.02, .sd = 0.04, .with_voltage = 1}},
+          .prior = {.shows_in = "drive", .step = 0.02, .sd = 0.04, .with_voltage = 1}},
          {.name = "nominal_V", .unit = "V", .role = GES_SWITCH, .value = 0, .neutral = NAN, .low = 0, .high = 100,
           .doc = "voltage at which w_max holds; 0: the vehicle's"},
          {.name = "drop_V_s", .unit = "V/s", .role = GES_SWITCH, .value = 0.01, .neutral = NAN, .low = 0, .high = 1,

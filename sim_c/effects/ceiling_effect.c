@@ -16,6 +16,7 @@ EFFECT(ceiling_effect) = {
     .name = "ceiling_effect",
     .title = "thrust gain below a ceiling",
     .equation = "f = 1 / (1 - a (R/4z_c)^2)",
+    .latex = "f = \\frac{1}{1 - a\\, (R / 4 z_c)^2}",
     .reference = "Sanchez-Cuevas et al.; Hsiao & Chirarattananon 2019",
     .channels = "force_z",
     .kind = GES_WRENCH,

@@ -30,6 +30,7 @@ EFFECT(coaxial_wake) = {
     .name = "coaxial_wake",
     .title = "the lower rotor of a coaxial pair flies in the upper one's wake",
     .equation = "dT_l = -c K_T w_l w_u exp(-(e/R)^2)",
+    .latex = "\\Delta T_l = -c\\, K_T\\, \\Omega_l\\, \\Omega_u \\exp(-(e/R)^2)",
     .reference = "Leishman 2006; Coleman 1997",
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,

@@ -18,7 +18,7 @@
   C(GES_WRENCH, "wrench") C(GES_ACTUATOR, "actuator") C(GES_SENSOR, "sensor") C(GES_WIND, "wind") C(GES_PARAMETER, "parameter")
 
 /* What a finding is about: physics that a simulator lacks, a number that it has wrong, or a sensor. */
-#define GES_ABOUTS(C) C(GES_PHYSICS, "physics") C(GES_DECLARED, "parameter") C(GES_FAULT, "sensor")
+#define GES_ABOUTS(C) C(GES_PHYSICS, "physics") C(GES_NOMINAL, "parameter") C(GES_FAULT, "sensor")
 
 /* How the controller's feedback shows in what an effect makes of a flight; docs/adding-an-effect.md helps to choose. */
 #define GES_FEEDBACKS(C)                                                                                                \
@@ -95,7 +95,7 @@ typedef struct {
 /* ---- fields ----------------------------------------------------------------------------------------------------- */
 
 /* How far a parameter may be off without any finding: a trim, a sensor, a drive that no vehicle file states. */
-#define GES_DOUBT(F)                                                                                                    \
+#define GES_PRIOR(F)                                                                                                    \
   F(words, shows_in)    /* channels, or blocks of them, of which one has to be there; "any"; NULL: never off */         \
   F(number, step)       /* from neutral, at which it is linearised */                                                   \
   F(number, sd)         /* usual standard deviation */                                                                  \
@@ -125,7 +125,7 @@ typedef struct {
   F(setting, acts_above)   /* shape that does something where this parameter is above this value alone */               \
   F(number, reach)         /* shape that is a place or a length: share of `reach_over` that a fit may move it at once */ \
   F(text, reach_over)      /* "radius", or a parameter */                                                               \
-  F(doubt, doubt)
+  F(prior, prior)
 
 /* Variants of an effect that a search tries: amplitudes that are fitted together, over levels of an axis. */
 #define GES_SEARCH(F)                                                                                                   \
@@ -138,7 +138,9 @@ typedef struct {
   F(flag, modified)     /* with each effect that modifies this one, at its `carried` levels */
 
 #define GES_EFFECT(F)                                                                                                   \
-  F(text, name) F(text, title) F(text, equation) F(text, reference)                                                     \
+  F(text, name) F(text, title) F(text, equation)                                                                        \
+  F(text, latex)        /* the equation, typeset on pages */                                                            \
+  F(text, reference)                                                                                                    \
   F(text, modifies)     /* name of the effect without which this one is nothing */                                      \
   F(words, channels)    /* force_x ... moment_z drive range gyro acc attitude */                                        \
   F(kind, kind)                                                                                                         \
@@ -149,15 +151,15 @@ typedef struct {
   F(hints, hints)                                                                                                       \
   F(number, rarity)     /* how often it is met, over others; 0: as often */                                             \
   F(words, needs)       /* what has to be recorded (ges.diagnose.library.requirements) */                               \
-  F(words, through)     /* effects of which one has to be on for this one to act */                                     \
+  F(words, requires_one_of) /* effects of which one has to be on for this one to act */                                 \
   F(text, family)       /* effects of one family act in one place */                                                    \
   F(text, settled)      /* why it enters no search */                                                                   \
   F(levels, carried)    /* levels at which it is tried together with what it modifies */
 
 #define GES_FIELD(kind, name) ges_##kind name;
 typedef struct {
-  GES_DOUBT(GES_FIELD)
-} ges_doubt;
+  GES_PRIOR(GES_FIELD)
+} ges_prior;
 typedef struct {
   GES_EFFECT_PARAMETER(GES_FIELD)
 } ges_effect_parameter;

@@ -20,6 +20,8 @@ EFFECT(downwash) = {
     .name = "downwash",
     .title = "downwash of another vehicle above",
     .equation = "F = -a (R/4dz)^2 exp(-1/2 (d/(b dz + c))^2) e_z",
+    .latex = "F = -a\\, (R / 4 \\Delta z)^2 \\exp\\left(-\\frac{1}{2} \\left(\\frac{d}{b\\, \\Delta z + "
+             "c}\\right)^2\\right) e_z",
     .reference = "gym-pybullet-drones (Panerati et al. 2021)",
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,

@@ -5,7 +5,7 @@
  * height of each rotor) is in the sample, computed once by body/model.h for simulated and recorded states alike.
  * Forces and moments are in the body frame, the moment about the body origin.
  *
- * Order of a step: `adjust` once a flight, then `blow`, `cushion`, `ground`; the thrusts of `ground` over the rotors'
+ * Order of a step: `adjust` once a flight, then `blow`, `thrust_gain`, `ground`; the thrusts of `ground` over the rotors'
  * own give the ground effect factor, which the firmware may be told; then the firmware, `sense`, `drive`, `wrench`.
  */
 #ifndef GES_EFFECT_H
@@ -31,7 +31,7 @@
 typedef struct sample_s sample_t;
 
 /* f - 1 of every rotor near the ground, from a sample and the parameters of the effect whose thrust gain it is. */
-typedef void cushion_hook(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]);
+typedef void thrust_gain_hook(const sample_t *s, const vd *p, vd thrust_gain[GES_ROTORS]);
 
 struct sample_s {
   vd t, dt;                    /* s; dt: time since the sample before (for readings) */
@@ -51,14 +51,14 @@ struct sample_s {
   vd torque[GES_ROTORS];       /* K_Q w^2, N m, aerodynamic torque of each rotor */
   vd height[GES_ROTORS];       /* rotor hub over the ground, along the world vertical, m */
   ground_t under[GES_ROTORS];  /* ground below each hub */
-  vd cushion[GES_ROTORS];      /* f - 1 of the effect with the hook `cushion` where it is switched on, else 0 */
+  vd thrust_gain[GES_ROTORS];  /* f - 1 of the effect with the hook `thrust_gain` where it is switched on, else 0 */
   vd factor[GES_ROTORS], factor_mean; /* 1 + ground-related thrust increments over thrust */
   ground_t ground;             /* below the body origin */
   vd agl, ground_slope, range, contact;
   vd mass, inertia[3], inverse_mass, inverse_inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
   const ground_lanes_t *map;   /* the ground itself, for effects that look beside the hubs */
-  cushion_hook *cushion_at;    /* that hook, for what the cushion would be elsewhere, or NULL where it is off */
-  const vd *cushion_p;         /* and its parameters */
+  thrust_gain_hook *thrust_gain_at; /* that hook, for what the gain would be elsewhere, or NULL where it is off */
+  const vd *thrust_gain_p;     /* and its parameters */
   vd battery, battery_nominal; /* V; NaN where it was not recorded */
   vd voltage;                  /* V; recorded, or as the drive has it; known once the drive is, for `wrench` */
 };
@@ -87,7 +87,7 @@ typedef struct {
   void (*adjust)(sample_t *s, const vd *p); /* kind parameter: corrects the vehicle's constants */
   void (*begin)(const sample_t *s, const vd *p, vd *x); /* first values of the extra states; default 0 */
   void (*blow)(const sample_t *s, const vd *p, const vd *x, vd wind[3]);
-  cushion_hook *cushion;                                /* at most one of the effects switched on may have it */
+  thrust_gain_hook *thrust_gain; /* at most one of the effects switched on may have it */
   void (*ground)(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add); /* thrust near the ground */
   void (*wrench)(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add);
   void (*drive)(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add);

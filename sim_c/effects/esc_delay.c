@@ -24,6 +24,7 @@ EFFECT(esc_delay) = {
     .name = "esc_delay",
     .title = "transport delay of the motor controllers",
     .equation = "w_cmd(t) = w_max u(t - d)",
+    .latex = "\\Omega_\\text{cmd}(t) = \\Omega_\\text{max}\\, u(t - d)",
     .reference = "Pade approximation",
     .channels = "drive force_z moment_x moment_y moment_z",
     .kind = GES_ACTUATOR,
@@ -33,7 +34,7 @@ EFFECT(esc_delay) = {
         {
          {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = 0, .high = 0.1,
           .doc = "delay", .fit_low = 0, .fit_high = 0.06,
-          .doubt = {.shows_in = "drive", .step = 0.004, .sd = 0.002, .timing = GES_TIMING_DELAY}},
+          .prior = {.shows_in = "drive", .step = 0.004, .sd = 0.002, .timing = GES_TIMING_DELAY}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_DYNAMIC,

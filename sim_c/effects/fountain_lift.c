@@ -20,6 +20,7 @@ EFFECT(fountain_lift) = {
     .name = "fountain_lift",
     .title = "lift of the wake fountain on the body",
     .equation = "dF_z = c_b sum(T) exp(-(h/(c_s d))^2)",
+    .latex = "\\Delta F_z = c_b \\sum T \\exp(-(h / c_s d)^2)",
     .reference = "Sanchez-Cuevas et al. 2017",
     .channels = "force_z",
     .kind = GES_WRENCH,

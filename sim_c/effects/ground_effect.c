@@ -78,25 +78,27 @@ static vd inverse_slope_factor(const ground_t *g, vd n) {
   return any(~usual) ? sel(usual, f, lane_pow(square, 0.5 * n)) : f;
 }
 
-static void cushion(const sample_t *s, const vd *p, vd cushion[GES_ROTORS]) {
+static void thrust_gain(const sample_t *s, const vd *p, vd thrust_gain[GES_ROTORS]) {
   for (int i = 0; i < ROTORS_OF(s); i++) {
     const ground_t *g = &s->under[i];
     fraction_t f = gain(s, p, i);
     vd corrected = p[AMPLITUDE] * f.over * (1.0 + p[CURVATURE_GAIN] * g->laplacian);
     vd slope = inverse_slope_factor(g, p[SLOPE_EXPONENT]);
-    cushion[i] = clamp(corrected / (f.under * slope), p[LOW] - 1.0, p[HIGH] - 1.0);
+    thrust_gain[i] = clamp(corrected / (f.under * slope), p[LOW] - 1.0, p[HIGH] - 1.0);
   }
 }
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)p, (void)x, (void)dx;
-  for (int i = 0; i < ROTORS_OF(s); i++) add->thrust[i] += s->thrust[i] * s->cushion[i];
+  for (int i = 0; i < ROTORS_OF(s); i++) add->thrust[i] += s->thrust[i] * s->thrust_gain[i];
 }
 
 EFFECT(ground_effect) = {
     .name = "ground_effect",
     .title = "thrust gain near the ground",
     .equation = "T_i = K_T w_i^2 [1 + a (f(x_i) - 1) cos(slope)^n (1 + c kappa)], x = z/R",
+    .latex = "T_i = K_T\\, \\Omega_i^2\\, [1 + a\\, (f(x_i) - 1) \\cos^n(\\text{slope})\\, (1 + c\\, \\kappa)], "
+             "\\quad x = z/R",
     .reference = "Cheeseman & Bennett 1955; Hayden 1976; Sanchez-Cuevas et al. 2017; He & Leang 2020",
     .channels = "force_z moment_x moment_y",
     .kind = GES_WRENCH,
@@ -144,6 +146,6 @@ EFFECT(ground_effect) = {
          {.amplitudes = "c_a", .fixed = {{"form", 4}, {"amplitude", 1}, {"high", 10}}, .axis = "decay",
           .levels = LEVELS(0.4, 0.6, 0.9), .modified = 1},
         },
-    .cushion = cushion,
+    .thrust_gain = thrust_gain,
     .ground = ground,
 };

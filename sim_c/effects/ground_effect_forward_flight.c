@@ -1,4 +1,4 @@
-/* The ground cushion fades in forward flight: the wake is swept back.
+/* Ground effect fades in forward flight: the wake is swept back.
  *
  * dT_i = -T_i (f_i - 1) s / (1 + s),  s = (c V / v_h)^2: the gain becomes (f_i - 1) / (1 + (c V/v_h)^2), with V the
  * speed across the disc and v_h = sqrt(T / (2 rho A)). Form after Cheeseman & Bennett 1955 (c = 1 inside their
@@ -10,14 +10,15 @@ static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
   (void)x, (void)dx;
   for (int i = 0; i < ROTORS_OF(s); i++) {
     vd v2 = p[0] * p[0] * across_squared(s, i);
-    add->thrust[i] -= s->thrust[i] * s->cushion[i] * (v2 / (v2 + lane_max(induced_squared(s, i), all_lanes(1e-9))));
+    add->thrust[i] -= s->thrust[i] * s->thrust_gain[i] * (v2 / (v2 + lane_max(induced_squared(s, i), all_lanes(1e-9))));
   }
 }
 
 EFFECT(ground_effect_forward_flight) = {
     .name = "ground_effect_forward_flight",
-    .title = "fading of the ground cushion in forward flight",
+    .title = "ground effect that fades in forward flight",
     .equation = "dT_i = -T_i (f_i - 1) (cV)^2 / ((cV)^2 + v_h^2)",
+    .latex = "\\Delta T_i = -T_i\\, (f_i - 1) \\frac{(c V)^2}{(c V)^2 + v_h^2}",
     .reference = "Cheeseman & Bennett 1955 (ARC R&M 3021)",
     .modifies = "ground_effect",
     .channels = "force_z moment_x moment_y",

@@ -1,10 +1,10 @@
-/* The cushion follows the height with a lag: d(phi)/dt = ((f - 1) - phi) / tau, tau = c (h + R) / v_h.
+/* The thrust gain follows the height with a lag: d(phi)/dt = ((f - 1) - phi) / tau, tau = c (h + R) / v_h.
  * c 0.5 to 5 (Pitt & Peters 1981 give less for pure dynamic inflow). The state phi replaces f - 1. */
 #include "effect.h"
 
 static void begin(const sample_t *s, const vd *p, vd *x) {
   (void)p;
-  for (int i = 0; i < ROTORS_OF(s); i++) x[i] = s->cushion[i];
+  for (int i = 0; i < ROTORS_OF(s); i++) x[i] = s->thrust_gain[i];
 }
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
@@ -12,7 +12,7 @@ static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
   for (int i = 0; i < ROTORS_OF(s); i++) {
     vd induced = lane_sqrt(lane_max(induced_squared(s, i), all_lanes(1e-6)));
     vd tau = p[0] * (lane_max(s->height[i], all_lanes(0.0)) + s->radius[i]) / induced;
-    vd behind = s->cushion[i] - x[i];
+    vd behind = s->thrust_gain[i] - x[i];
     dx[i] = behind / lane_max(tau, all_lanes(2e-3));
     add->thrust[i] -= sel(on, s->thrust[i] * behind, all_lanes(0.0));
   }
@@ -20,8 +20,9 @@ static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
 
 EFFECT(ground_effect_lag) = {
     .name = "ground_effect_lag",
-    .title = "the ground cushion builds up with a lag",
+    .title = "ground effect that builds up with a lag",
     .equation = "tau dphi/dt = (f - 1) - phi, tau = c (h + R)/v_h",
+    .latex = "\\tau \\frac{d\\phi}{dt} = (f - 1) - \\phi, \\quad \\tau = c\\, (h + R) / v_h",
     .reference = "Pitt & Peters 1981; Carpenter & Fridovich 1953",
     .modifies = "ground_effect",
     .channels = "force_z",

@@ -52,6 +52,7 @@ EFFECT(gusts) = {
     .name = "gusts",
     .title = "gusts with Dryden spectra",
     .equation = "W = sigma(h) H(s) white noise, T = L(h)/V",
+    .latex = "W = \\sigma(h)\\, H(s)\\, \\text{white noise}, \\quad T = L(h) / V",
     .reference = "MIL-F-8785C, low altitude",
     .channels = "force_x force_y force_z",
     .kind = GES_WIND,

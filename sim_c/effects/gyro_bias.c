@@ -10,6 +10,7 @@ EFFECT(gyro_bias) = {
     .name = "gyro_bias",
     .title = "constant gyro offset",
     .equation = "y = omega + b",
+    .latex = "y = \\omega + b",
     .reference = "definition",
     .channels = "gyro",
     .kind = GES_SENSOR,

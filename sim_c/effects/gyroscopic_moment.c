@@ -13,6 +13,7 @@ EFFECT(gyroscopic_moment) = {
     .name = "gyroscopic_moment",
     .title = "gyroscopic moment of the rotors",
     .equation = "M = -omega x sum(s_i I_p w_i) e_z",
+    .latex = "M = -\\omega \\times \\sum s_i\\, I_p\\, \\Omega_i\\, e_z",
     .reference = "rigid-body dynamics",
     .channels = "moment_x moment_y",
     .kind = GES_WRENCH,

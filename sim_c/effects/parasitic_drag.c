@@ -15,6 +15,7 @@ EFFECT(parasitic_drag) = {
     .name = "parasitic_drag",
     .title = "parasitic drag of the airframe, quadratic in air speed",
     .equation = "F = -1/2 rho C_dA |V| (V_x, V_y, kappa V_z)",
+    .latex = "F = -\\frac{1}{2}\\, \\rho\\, C_d A\\, |V|\\, (V_x, V_y, \\kappa V_z)",
     .reference = "Leishman 2006",
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,

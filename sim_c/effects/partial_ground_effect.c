@@ -1,4 +1,4 @@
-/* Over edges and steps a rotor gains by the part of its disc over the high ground: the cushion is averaged over eight
+/* Over edges and steps a rotor gains by the part of its disc over the high ground: the gain is averaged over eight
  * points on a circle of radius k R under the hub instead of taken at its centre. He & Leang 2020 (disc overlap). */
 #include "effect.h"
 
@@ -6,8 +6,8 @@
 
 enum { POINTS = 8 };
 
-/* Cushions with every hub's ground taken k radii away in the direction (cx, cy) of the world. */
-static void shifted_cushion(const sample_t *s, vd k, double cx, double cy, vd cushion[GES_ROTORS]) {
+/* Thrust gains with every hub's ground taken k radii away in the direction (cx, cy) of the world. */
+static void shifted_gain(const sample_t *s, vd k, double cx, double cy, vd thrust_gain[GES_ROTORS]) {
   sample_t moved = *s;
   for (int i = 0; i < ROTORS_OF(s); i++) {
     vd reach = k * s->radius[i];
@@ -16,7 +16,7 @@ static void shifted_cushion(const sample_t *s, vd k, double cx, double cy, vd cu
     moved.under[i] = ground_at(s->map, x + cx * reach, y + cy * reach);
     moved.height[i] = s->height[i] + s->under[i].height - moved.under[i].height;
   }
-  s->cushion_at(&moved, s->cushion_p, cushion);
+  s->thrust_gain_at(&moved, s->thrust_gain_p, thrust_gain);
 }
 
 static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
@@ -24,19 +24,20 @@ static void ground(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
       {-0.7071067811865476, 0.7071067811865476}, {-1, 0}, {-0.7071067811865476, -0.7071067811865476}, {0, -1},
       {0.7071067811865476, -0.7071067811865476}};
   (void)x, (void)dx;
-  if (!s->cushion_at) return;
+  if (!s->thrust_gain_at) return;
   for (int m = 0; m < POINTS; m++) {
-    vd cushion[GES_ROTORS];
-    shifted_cushion(s, p[0], circle[m][0], circle[m][1], cushion);
+    vd thrust_gain[GES_ROTORS];
+    shifted_gain(s, p[0], circle[m][0], circle[m][1], thrust_gain);
     for (int i = 0; i < ROTORS_OF(s); i++)
-      add->thrust[i] += s->thrust[i] * ((cushion[i] - s->cushion[i]) * (1.0 / POINTS));
+      add->thrust[i] += s->thrust[i] * ((thrust_gain[i] - s->thrust_gain[i]) * (1.0 / POINTS));
   }
 }
 
 EFFECT(partial_ground_effect) = {
     .name = "partial_ground_effect",
-    .title = "ground cushion averaged over the rotor disc at edges",
+    .title = "ground effect averaged over the rotor disc at edges",
     .equation = "f_i - 1 averaged over a circle of radius k R",
+    .latex = "f_i - 1 \\text{ averaged over a circle of radius } k R",
     .reference = "He & Leang 2020",
     .modifies = "ground_effect",
     .channels = "force_z moment_x moment_y",

@@ -42,6 +42,8 @@ EFFECT(payload) = {
     .name = "payload",
     .title = "a mass fixed to the body",
     .equation = "m' = m + m_p, M = -m_p/m' r x sum(T_i a_i), I' = I + m_p (|r|^2 - r r^T)",
+    .latex = "m' = m + m_p, \\quad M = -\\frac{m_p}{m'}\\, r \\times \\sum T_i\\, a_i, \\quad I' = I + m_p\\, "
+             "(|r|^2 - r\\, r^T)",
     .reference = "Greenwood 2003",
     .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,

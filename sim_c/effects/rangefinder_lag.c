@@ -16,6 +16,7 @@ EFFECT(rangefinder_lag) = {
     .name = "rangefinder_lag",
     .title = "rangefinder lags behind",
     .equation = "tau dy/dt = h - y",
+    .latex = "\\tau \\frac{dy}{dt} = h - y",
     .reference = "first-order filter",
     .channels = "range",
     .kind = GES_SENSOR,
@@ -24,7 +25,7 @@ EFFECT(rangefinder_lag) = {
     .parameters =
         {
          {.name = "tau_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.05, .neutral = 0, .low = 0, .high = 1,
-          .doc = "time constant", .doubt = {.shows_in = "range", .step = 0.005, .sd = 0.015}},
+          .doc = "time constant", .prior = {.shows_in = "range", .step = 0.005, .sd = 0.015}},
         },
     .about = GES_FAULT,
     .feedback = GES_FEEDBACK_NONE,

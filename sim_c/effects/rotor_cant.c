@@ -22,6 +22,7 @@ EFFECT(rotor_cant) = {
     .name = "rotor_cant",
     .title = "rotors canted about their arms: a steady moment in yaw",
     .equation = "F_i = g T_i (e_z x r_i) / |r_i|, M_z = g sum(T_i |r_i|)",
+    .latex = "F_i = g\\, T_i \\frac{e_z \\times r_i}{|r_i|}, \\quad M_z = g \\sum T_i\\, |r_i|",
     .reference = "rigid-body statics",
     .channels = "moment_z",
     .kind = GES_WRENCH,
@@ -31,7 +32,7 @@ EFFECT(rotor_cant) = {
         {
          {.name = "angle_rad", .unit = "rad", .role = GES_AMPLITUDE, .value = 0.01, .neutral = 0, .low = -0.2, .high = 0.2,
           .doc = "mean angle of the rotors, that turns counter-clockwise seen from above", .trim = GES_TRIM_YAW,
-          .doubt = {.shows_in = "moment_z", .step = 0.002, .sd = 0}},
+          .prior = {.shows_in = "moment_z", .step = 0.002, .sd = 0}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_NONE,

@@ -23,6 +23,7 @@ EFFECT(rotor_drag) = {
     .name = "rotor_drag",
     .title = "rotor drag, linear in air speed",
     .equation = "F_i = -k w_i (V + omega x r_i)_xy",
+    .latex = "F_i = -k\\, \\Omega_i\\, (V + \\omega \\times r_i)_{xy}",
     .reference = "Mahony, Kumar & Corke 2012; Faessler et al. 2018",
     .channels = "force_x force_y",
     .kind = GES_WRENCH,

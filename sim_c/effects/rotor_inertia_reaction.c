@@ -10,6 +10,7 @@ EFFECT(rotor_inertia_reaction) = {
     .name = "rotor_inertia_reaction",
     .title = "yaw reaction to rotor acceleration",
     .equation = "M_z = -sum(s_i I_p dw_i/dt)",
+    .latex = "M_z = -\\sum s_i\\, I_p \\frac{d\\Omega_i}{dt}",
     .reference = "rigid-body dynamics",
     .channels = "moment_z",
     .kind = GES_WRENCH,

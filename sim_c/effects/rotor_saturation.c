@@ -11,6 +11,7 @@ EFFECT(rotor_saturation) = {
     .name = "rotor_saturation",
     .title = "rotor speed saturates below its nominal maximum",
     .equation = "w_cmd <= s w_max",
+    .latex = "\\Omega_\\text{cmd} \\le s\\, \\Omega_\\text{max}",
     .reference = "definition",
     .channels = "drive force_z moment_x moment_y",
     .kind = GES_ACTUATOR,

@@ -17,6 +17,7 @@ EFFECT(rotor_tilt) = {
     .name = "rotor_tilt",
     .title = "thrust tilted in the body",
     .equation = "F_xy = (d_x, d_y) sum(T)",
+    .latex = "F_{xy} = (d_x, d_y) \\sum T",
     .reference = "definition",
     .channels = "force_x force_y",
     .kind = GES_WRENCH,

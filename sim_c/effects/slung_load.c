@@ -108,6 +108,10 @@ EFFECT(slung_load) = {
     .equation = "hanging, h = sqrt(L^2 - |a - l|^2): l'' = (g + l_z'')/h (a - l) - 2 z sqrt(g/L)(l' - v_wind), "
                 "F = -m_l (g + l_z'')((a - l)/h, 1); "
                 "dragged over the ground: T = mu m_l g s / (rho + mu h) along the thread",
+    .latex = "\\text{hanging, } h = \\sqrt{L^2 - |a - l|^2} \\\\ "
+             "\\ddot l = \\frac{g + \\ddot l_z}{h}\\, (a - l) - 2 z \\sqrt{g/L}\\, (\\dot l - v_\\text{wind}) \\\\ "
+             "F = -m_l\\, (g + \\ddot l_z)\\, ((a - l)/h, 1) \\\\ "
+             "\\text{dragged over the ground: } T = \\mu\\, m_l\\, g \\frac{s}{\\rho + \\mu h} \\text{ along the thread}",
     .reference = "pendulum dynamics; Coulomb friction",
     .channels = "force_x force_y force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,

@@ -18,6 +18,7 @@ EFFECT(tether) = {
     .name = "tether",
     .title = "cable or hose to the ground",
     .equation = "F = -w h e_z - k max(|d| - L, 0) d/|d|",
+    .latex = "F = -w\\, h\\, e_z - k \\max(|d| - L, 0) \\frac{d}{|d|}",
     .reference = "statics",
     .channels = "force_x force_y force_z",
     .kind = GES_WRENCH,

@@ -14,6 +14,7 @@ EFFECT(thrust_curve) = {
     .name = "thrust_curve",
     .title = "thrust not quadratic in the command",
     .equation = "T = T_max ((1 - c) u^2 + c u)",
+    .latex = "T = T_\\text{max}\\, ((1 - c)\\, u^2 + c\\, u)",
     .reference = "PX4 THR_MDL_FAC (1 - c)",
     .channels = "drive force_z",
     .kind = GES_ACTUATOR,
@@ -21,7 +22,7 @@ EFFECT(thrust_curve) = {
     .parameters =
         {
          {.name = "c", .unit = "1", .role = GES_AMPLITUDE, .value = 0.3, .neutral = 0, .low = -0.5, .high = 1,
-          .doc = "linear share", .doubt = {.shows_in = "drive command", .step = 0.02, .sd = 0.03}},
+          .doc = "linear share", .prior = {.shows_in = "drive command", .step = 0.02, .sd = 0.03}},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_DYNAMIC,

@@ -14,6 +14,7 @@ EFFECT(time_offset) = {
     .name = "time_offset",
     .title = "attitude and gyro late against the other streams",
     .equation = "y(t) = x(t - d)",
+    .latex = "y(t) = x(t - d)",
     .reference = "first-order expansion",
     .channels = "gyro attitude",
     .kind = GES_SENSOR,
@@ -21,7 +22,7 @@ EFFECT(time_offset) = {
     .parameters =
         {
          {.name = "delay_s", .unit = "s", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -0.1, .high = 0.1,
-          .doc = "delay", .doubt = {.shows_in = "moment", .step = 0.001, .sd = 0.003}},
+          .doc = "delay", .prior = {.shows_in = "moment", .step = 0.001, .sd = 0.003}},
         },
     .about = GES_FAULT,
     .feedback = GES_FEEDBACK_NONE,

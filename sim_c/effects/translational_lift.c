@@ -13,6 +13,7 @@ EFFECT(translational_lift) = {
     .name = "translational_lift",
     .title = "extra thrust with edgewise speed",
     .equation = "dT_i = c T_i V^2 / (V^2 + v_h^2)",
+    .latex = "\\Delta T_i = c\\, T_i \\frac{V^2}{V^2 + v_h^2}",
     .reference = "Leishman 2006",
     .channels = "force_z",
     .kind = GES_WRENCH,

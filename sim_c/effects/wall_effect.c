@@ -14,6 +14,7 @@ EFFECT(wall_effect) = {
     .name = "wall_effect",
     .title = "attraction to a wall",
     .equation = "F = c sum(T) exp(-d/R) n",
+    .latex = "F = c \\sum T \\exp(-d/R)\\, n",
     .reference = "judgement; below 2 % of weight",
     .channels = "force_x force_y",
     .kind = GES_WRENCH,

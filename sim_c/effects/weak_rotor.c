@@ -12,12 +12,13 @@ static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t
 #define LOSS(i) \
   {.name = "loss_" #i, .unit = "1", .role = GES_AMPLITUDE, .value = i == 1 ? 0.15 : 0, .neutral = 0, .low = -0.5, .high = 1, \
    .doc = "lost share of rotor " #i, .rotor = i, .trim = GES_TRIM_ROTOR, \
-   .doubt = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}},
+   .prior = {.shows_in = "moment", .step = 0.005, .sd = 0.01, .flight_sd = 0.003}},
 
 EFFECT(weak_rotor) = {
     .name = "weak_rotor",
     .title = "a rotor gives less thrust at the same speed (worn, cut or dirty blade)",
     .equation = "T_i = (1 - e_i) K_T w_i^2",
+    .latex = "T_i = (1 - e_i)\\, K_T\\, \\Omega_i^2",
     .reference = "definition",
     .channels = "force_z moment_x moment_y moment_z",
     .kind = GES_WRENCH,

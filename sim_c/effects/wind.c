@@ -21,6 +21,7 @@ EFFECT(wind) = {
     .name = "wind",
     .title = "steady wind",
     .equation = "V_air = v - W(z)",
+    .latex = "V_\\text{air} = v - W(z)",
     .reference = "logarithmic boundary-layer profile",
     .channels = "force_x force_y",
     .kind = GES_WIND,
@@ -39,7 +40,7 @@ EFFECT(wind) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "attitude velocity",
     .hints = GES_OWN_LEVER,
-    .through = "rotor_drag parasitic_drag",
+    .requires_one_of = "rotor_drag parasitic_drag",
     .search =
         {
          {.amplitudes = "east_m_s north_m_s", .axis = "roughness_m", .levels = LEVELS(0, 0.03)},

@@ -182,17 +182,17 @@ static int check_law(const ges_effects *e, char *error, int size) {
 }
 
 static int check_effects(const ges_effects *e, char *error, int size) {
-  const effect_t *cushion = NULL;
+  const effect_t *thrust_gain = NULL;
   if (e->n < 0 || e->n > GES_MAX_EFFECTS) return fail(error, size, "%d effects; at most %d at once", e->n, GES_MAX_EFFECTS);
   for (int j = 0; j < e->n; j++) {
     if (e->id[j] < 0 || e->id[j] >= N_EFFECTS) return fail(error, size, "effect number %d does not exist", e->id[j]);
     const effect_t *known = effects_known[e->id[j]];
     for (int m = 0; m < j; m++)
       if (e->id[m] == e->id[j]) return fail(error, size, "effect %s is listed twice; once is enough", known->name);
-    if (known->cushion && cushion)
-      return fail(error, size, "effects %s and %s are both the thrust gain near the ground; switch one of them off", cushion->name,
+    if (known->thrust_gain && thrust_gain)
+      return fail(error, size, "effects %s and %s are both the thrust gain near the ground; switch one of them off", thrust_gain->name,
                   known->name);
-    if (known->cushion) cushion = known;
+    if (known->thrust_gain) thrust_gain = known;
     for (int k = 0; k < known->n_parameters; k++) {
       const ges_effect_parameter *q = &known->parameters[k];
       if (!(e->value[j][k] >= q->low && e->value[j][k] <= q->high))

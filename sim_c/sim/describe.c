@@ -114,13 +114,13 @@ static void write_levels(FILE *f, ges_levels levels) {
   fputc('{', f);              \
   FIELDS(FIELD)
 
-static void write_doubt(FILE *f, ges_doubt doubt) {
-  const ges_doubt *of = &doubt;
+static void write_prior(FILE *f, ges_prior prior) {
+  const ges_prior *of = &prior;
   if (!of->shows_in) {
     fputs("null", f);
     return;
   }
-  OBJECT(GES_DOUBT)
+  OBJECT(GES_PRIOR)
   fputc('}', f);
 }
 

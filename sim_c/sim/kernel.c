@@ -75,9 +75,9 @@ static void add_active(active_t *a, int id, const ges_effects *const *effects) {
     for (int m = 0; m < effects[i]->n; m++)
       if (effects[i]->id[m] == id)
         for (int k = 0; k < e->n_parameters; k++) set_lane(&a->p[j][k], i, effects[i]->value[m][k]);
-  if (e->cushion) {
-    a->cushion = e->cushion;
-    a->cushion_p = a->p[j];
+  if (e->thrust_gain) {
+    a->thrust_gain = e->thrust_gain;
+    a->thrust_gain_p = a->p[j];
   }
   if (e->blow) a->wants_agl = 1;
 }
@@ -390,14 +390,14 @@ static void table_reference(lanes_t *l, fw_input *in) {
 static void oracle(lanes_t *l, fw_input *in) {
   const sample_t *s = &l->sample;
   for (int i = 0; i < ROTORS_OF(s); i++) in->oracle[i] = to_float(s->factor[i]);
-  if (!l->task.any_preview || !l->active.cushion) return;
+  if (!l->task.any_preview || !l->active.thrust_gain) return;
   sample_t ahead = *s;
   for (int k = 0; k < 2; k++) ahead.p[k] = s->p[k] + s->v[k] * l->task.preview;
   sample_rotors(&l->body, &l->ground, &ahead);
-  l->active.cushion(&ahead, l->active.cushion_p, ahead.cushion);
+  l->active.thrust_gain(&ahead, l->active.thrust_gain_p, ahead.thrust_gain);
   ground_move(&l->ground, s->p[0]);
   vl looks = GT(l->task.preview, all_lanes(0.0));
-  for (int i = 0; i < ROTORS_OF(s); i++) in->oracle[i] = to_float(sel(looks, 1.0 + ahead.cushion[i], s->factor[i]));
+  for (int i = 0; i < ROTORS_OF(s); i++) in->oracle[i] = to_float(sel(looks, 1.0 + ahead.thrust_gain[i], s->factor[i]));
 }
 
 static void firmware_sees(lanes_t *l, const vd attitude[9], fw_input *in) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,7 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
     """
     log = open_log(path, options, kind)
     problem = log.problem()
-    found: dict[str, Any] = {
+    report: dict[str, Any] = {
         "name": path.name,
         "format": log.format,
         "autopilot": log.autopilot,
@@ -93,14 +93,14 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
     }
     if not problem:
         frame = log.frame()
-        found["agreement"] = [
+        report["agreement"] = [
             {"what": a.what, "correlation": round(a.correlation, 3), "ratio": round(a.ratio, 3)}
             for a in agreements(frame)
         ]
-        alike, log_odds = faults.found([frame])
-        found["fault"] = faults.sentence(alike, log_odds) if alike else ""
-        found["can_tell"], found["cannot_tell"] = _effects(frame)
-    return found
+        alike, log_odds = faults.find_faults([frame])
+        report["fault"] = faults.sentence(alike, log_odds) if alike else ""
+        report["can_tell"], report["cannot_tell"] = _effects(frame, log.unusable)
+    return report
 
 
 def _order(item: tuple[str, Any]) -> tuple[int, str]:
@@ -126,8 +126,11 @@ def _advice(log: Log) -> dict[str, str]:
     return advised
 
 
-def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
-    """Split the effects into those with all their streams, and what each of the others lacks."""
+def _effects(frame: pd.DataFrame, unusable: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
+    """Split the effects into those with all their streams, and what each of the others lacks.
+
+    ``unusable`` has the reasons why columns that are logged are not used.
+    """
     # as a diagnosis prepares it; a vehicle of defaults will do, as streams are asked for
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame)), frame)
     can, cannot = [], {}
@@ -136,38 +139,39 @@ def _effects(frame: pd.DataFrame) -> tuple[list[str], dict[str, str]]:
             continue
         needs = unmet_requirement(name, [flight], Model({}))
         if needs:
-            cannot[name] = needs
+            why = {reason: None for column, reason in unusable.items() if column in needs}
+            cannot[name] = "; ".join([needs, *why])
         else:
             can.append(name)
     return can, cannot
 
 
-def sentences(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+def sentences(report: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Put the findings of :func:`examine` into sentences.
 
     Parameters
     ----------
-    found : what :func:`examine` returns.
+    report : what :func:`examine` returns.
 
     Yields
     ------
     A sentence, and the colour that a terminal gives it; '' for none.
     """
-    for note in found["notes"]:
+    for note in report["notes"]:
         yield f"note: {note}", ""
-    for pair in found["agreement"]:
+    for pair in report["agreement"]:
         if pair["correlation"] < _AGAINST:
             yield f"{pair['what']} run against each other: one of them has the wrong sign", "red"
-    if found["fault"]:
-        yield found["fault"], "red"
-    if not found["usable"]:
-        yield f"cannot be diagnosed: {found['problem']}", "red"
-    if found["can_tell"]:
-        yield f"can be told: {', '.join(found['can_tell'])}", "green"
+    if report["fault"]:
+        yield report["fault"], "red"
+    if not report["usable"]:
+        yield f"cannot be diagnosed: {report['problem']}", "red"
+    if report["can_tell"]:
+        yield f"can be told: {', '.join(report['can_tell'])}", "green"
     reasons: dict[str, list[str]] = {}
-    for name, why in found["cannot_tell"].items():
+    for name, why in report["cannot_tell"].items():
         reasons.setdefault(why, []).append(name)
     for why, names in reasons.items():
         yield f"cannot be told: {', '.join(names)} ({why})", "yellow"
-    for name, what in found["switch_on"].items():
+    for name, what in report["switch_on"].items():
         yield f"next time, {name} ({what.replace(': ', '): ', 1)}", ""

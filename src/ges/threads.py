@@ -29,8 +29,8 @@ def cores() -> int:
     allowed = (
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     )
-    told = os.environ.get("OMP_NUM_THREADS", "")
-    return max(1, min(allowed, int(told))) if told.isdigit() else allowed
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, min(allowed, int(limit))) if limit.isdigit() else allowed
 
 
 class _OneBlasThread:

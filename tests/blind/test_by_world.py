@@ -10,7 +10,7 @@ import pytest
 
 from ges.blind.protocol import seal
 from ges.blind.score import by_world
-from ges.blind.score.by_world import answer_of
+from ges.blind.score.by_world import outcome_of
 
 
 def _truth(*names: str, world: str = "abroad", **more) -> dict:
@@ -31,7 +31,7 @@ def _diagnosis(*names: str, verdict: str = "", probability: float = 0.97, **more
 
 
 NULL = _truth()
-STRANGER = _truth(verdict="unknown", category="unknown")
+UNLISTED = _truth(verdict="unknown", category="unknown")
 OTHER = {"also_acceptable": [["wind"], ["rotor_drag", "axial_inflow"]]}
 TWO_CUT = _truth("weak_rotor", also_acceptable=[["weak_rotor", "torque_coefficient"]])
 TWO_CUT["findings"] = [
@@ -67,10 +67,10 @@ def _cut(*places: str) -> dict:
         (_truth("rotor_drag", **OTHER), _diagnosis("rotor_drag", "tether"), "wrong", True),
         (_truth("rotor_drag"), _diagnosis(verdict="unknown"), "unknown", True),
         (_truth("rotor_drag"), {"verdict": "failed", "findings": []}, "failed", False),
-        (STRANGER, _diagnosis(verdict="unknown"), "right", True),
-        (STRANGER, _diagnosis(verdict="law"), "right", True),
-        (STRANGER, _diagnosis(), "partly", False),
-        (STRANGER, _diagnosis("wind", verdict="unknown"), "wrong", True),
+        (UNLISTED, _diagnosis(verdict="unknown"), "right", True),
+        (UNLISTED, _diagnosis(verdict="law"), "right", True),
+        (UNLISTED, _diagnosis(), "partly", False),
+        (UNLISTED, _diagnosis("wind", verdict="unknown"), "wrong", True),
         (TWO_CUT, _losses(0.2, 0.15, 0.0, 0.01), "right", True),
         (TWO_CUT, _losses(0.2, 0.0, 0.0, 0.0), "partly", True),
         (TWO_CUT, _losses(0.2, 0.0, 0.18, 0.0), "wrong", True),
@@ -79,13 +79,13 @@ def _cut(*places: str) -> dict:
     ],
 )
 def test_answers(truth, diagnosis, answer, alarm):
-    found = answer_of("a", truth, diagnosis)
-    assert (found.answer, found.alarm) == (answer, alarm)
+    found = outcome_of("a", truth, diagnosis)
+    assert (found.outcome, found.alarm) == (answer, alarm)
 
 
 def _limited(nats: float, diagnosis: dict, *names: str):
     truth = _truth(*names, detectable={"whole": nats, "without": dict.fromkeys(names, nats)})
-    return answer_of("a", truth, diagnosis)
+    return outcome_of("a", truth, diagnosis)
 
 
 def test_what_is_told_is_held_against_what_any_method_could():
@@ -105,7 +105,7 @@ def test_power_table_counts_names_not_sets():
     answers = [
         _limited(30.0, _diagnosis("wind"), "wind", "tether"),
         _limited(30.0, _diagnosis("wind", "tether"), "wind", "tether"),
-        answer_of("n", NULL, _diagnosis()),
+        outcome_of("n", NULL, _diagnosis()),
     ]
     table = by_world.power_table(answers)
     assert len(table) == 1
@@ -115,9 +115,9 @@ def test_power_table_counts_names_not_sets():
 
 def test_table_has_a_row_for_each_world_and_one_for_all():
     answers = [
-        answer_of("a", _truth("wind", world="x"), _diagnosis("wind")),
-        answer_of("b", _truth("wind", world="y"), _diagnosis("tether", probability=0.99)),
-        answer_of("c", _truth(world="y"), _diagnosis("wind", probability=0.6)),
+        outcome_of("a", _truth("wind", world="x"), _diagnosis("wind")),
+        outcome_of("b", _truth("wind", world="y"), _diagnosis("tether", probability=0.99)),
+        outcome_of("c", _truth(world="y"), _diagnosis("wind", probability=0.6)),
     ]
     table = by_world.table(answers).set_index("world")
     assert list(table.index) == ["x", "y", "all"]
@@ -128,9 +128,9 @@ def test_table_has_a_row_for_each_world_and_one_for_all():
 def test_scores_are_told_by_number_of_rotors():
     of_six = _truth("wind") | {"situation": {"world": "x", "rotors": 6}}
     answers = [
-        answer_of("a", _truth("wind"), _diagnosis("wind")),
-        answer_of("b", of_six, _diagnosis("wind")),
-        answer_of("c", of_six, _diagnosis("tether")),
+        outcome_of("a", _truth("wind"), _diagnosis("wind")),
+        outcome_of("b", of_six, _diagnosis("wind")),
+        outcome_of("c", of_six, _diagnosis("tether")),
     ]
     table = by_world.by_rotors(answers).set_index("rotors")
     assert list(table.index) == [4, 6]

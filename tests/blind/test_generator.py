@@ -17,7 +17,7 @@ import pytest
 import ges
 from ges.blind import generator
 from ges.blind.generator import air, attached, drive, grid, ground, make, rotor
-from ges.blind.generator.airframe import CLASSES, DOUBTS, draw_airframe
+from ges.blind.generator.airframe import CLASSES, SD_REL, draw_airframe
 from ges.blind.generator.concealed import EVERY, NEUTRAL, PHYSICS
 from ges.blind.generator.sensing import Recorder
 from ges.blind.protocol import seal
@@ -154,10 +154,10 @@ def test_hanging_cable_weighs_what_hangs():
 
 @pytest.mark.parametrize("size", list(CLASSES))
 def test_vehicle_files_are_honestly_wrong(size):
-    """Declared numbers are off by about their doubt, never beyond two of it."""
+    """Nominal parameters are off by about their doubt, never beyond two of it."""
     crafts = [draw_airframe(size, np.random.default_rng(k)) for k in range(200)]
     for key, doubt in (("mass", "mass"), ("thrust", "thrust"), ("lag", "lag"), ("izz", "inertia")):
-        off = np.array([c.true[key] / c.declared[key] - 1.0 for c in crafts]) / DOUBTS[doubt]
+        off = np.array([c.true[key] / c.nominal[key] - 1.0 for c in crafts]) / SD_REL[doubt]
         assert np.abs(off).max() <= 2.0 + 1e-9
         assert 0.75 < off.std() < 1.1
 

@@ -41,7 +41,7 @@ def _path(n: int = 200, step_s: float = 0.01, **more) -> Path:
         "speed_rad_s": np.full((n, 4), 700.0),
         "speed_error_rad_s": 0.0,
         "changes": {},
-        "doubts": {},
+        "priors": {},
     }
     return Path(**(still | more))
 
@@ -82,14 +82,14 @@ def test_filter_agrees_with_dense_covariance():
 
 
 def test_a_declared_doubt_bounds_what_can_be_told():
-    """A number that is four of its doubts off is never more than 4^2 / 2 nats, however long the
+    """A number that is four of its prior sds off is never more than 4^2 / 2 nats, however long the
     flight; without the doubt it is.
     """
     n = 4000
     column = _push(n, 8.0)
     truth = {"a": {"force_N": 0.1 * column["force_N"]}}
     sure = log_likelihood_ratios([_path(n, changes=truth)], BODY, DEAF)["whole"]
-    doubted = _path(n, changes=truth, doubts={"thrust": (0.025, column)})
+    doubted = _path(n, changes=truth, priors={"thrust": (0.025, column)})
     assert sure > 1000.0
     assert log_likelihood_ratios([doubted], BODY, DEAF)["whole"] == pytest.approx(8.0, rel=0.01)
 

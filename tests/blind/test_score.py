@@ -28,7 +28,7 @@ def _truth(*names: str, verdict: str = "physics", **more) -> dict:
     }
 
 
-def _said(*names: str, verdict: str = "physics", probability: float = 0.97, **more) -> dict:
+def _diagnosis(*names: str, verdict: str = "physics", probability: float = 0.97, **more) -> dict:
     return {
         "verdict": verdict,
         "findings": [{"name": n, "probability": probability, "parameters": {}} for n in names],
@@ -36,45 +36,50 @@ def _said(*names: str, verdict: str = "physics", probability: float = 0.97, **mo
     }
 
 
-NOTHING = _said(verdict="nothing_proven")
+NOTHING = _diagnosis(verdict="nothing_proven")
 NULL = _truth(verdict="nothing_proven")
 UNKNOWN = _truth(verdict="unknown")
 OPEN = _truth("cg_offset", verdict="ambiguous", also_acceptable=[["weak_rotor"]])
 
 
 @pytest.mark.parametrize(
-    ("truth", "said", "outcome", "wrong"),
+    ("truth", "diagnosis", "outcome", "wrong"),
     [
-        (_truth("rotor_drag"), _said("rotor_drag"), "exact", ()),
+        (_truth("rotor_drag"), _diagnosis("rotor_drag"), "exact", ()),
         (_truth("rotor_drag"), NOTHING, "nothing", ()),
-        (_truth("rotor_drag"), _said("wind"), "wrong", ("wind",)),
-        (_truth("rotor_drag"), _said("rotor_drag", "wind"), "extra", ("wind",)),
-        (_truth("rotor_drag", "wind"), _said("rotor_drag"), "partial", ()),
-        (_truth("rotor_drag", "wind", also_acceptable=[["wind"]]), _said("wind"), "exact", ()),
+        (_truth("rotor_drag"), _diagnosis("wind"), "wrong", ("wind",)),
+        (_truth("rotor_drag"), _diagnosis("rotor_drag", "wind"), "extra", ("wind",)),
+        (_truth("rotor_drag", "wind"), _diagnosis("rotor_drag"), "partial", ()),
+        (_truth("rotor_drag", "wind", also_acceptable=[["wind"]]), _diagnosis("wind"), "exact", ()),
         (
             _truth("rotor_drag"),
-            _said("rotor_drag", "wind", verdict="ambiguous", probability=0.5),
+            _diagnosis("rotor_drag", "wind", verdict="ambiguous", probability=0.5),
             "hedged",
             (),
         ),
-        (_truth("rotor_drag"), _said("rotor_drag", verdict="unknown"), "partial", ()),
+        (_truth("rotor_drag"), _diagnosis("rotor_drag", verdict="unknown"), "partial", ()),
         (_truth("rotor_drag"), {"verdict": "failed", "findings": []}, "failed", ()),
         (NULL, NOTHING, "exact", ()),
-        (NULL, _said("wind"), "wrong", ("wind",)),
-        (NULL, _said(verdict="unknown"), "unknown", ()),
-        (UNKNOWN, _said(verdict="unknown"), "exact", ()),
-        (UNKNOWN, _said(verdict="law"), "exact", ()),
-        (NULL, _said(verdict="law"), "unknown", ()),
+        (NULL, _diagnosis("wind"), "wrong", ("wind",)),
+        (NULL, _diagnosis(verdict="unknown"), "unknown", ()),
+        (UNKNOWN, _diagnosis(verdict="unknown"), "exact", ()),
+        (UNKNOWN, _diagnosis(verdict="law"), "exact", ()),
+        (NULL, _diagnosis(verdict="law"), "unknown", ()),
         (UNKNOWN, NOTHING, "nothing", ()),
-        (UNKNOWN, _said("wind", verdict="unknown"), "wrong", ("wind",)),
-        (OPEN, _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5), "exact", ()),
-        (OPEN, _said("cg_offset"), "partial", ()),
-        (OPEN, _said("wind", verdict="physics"), "wrong", ("wind",)),
+        (UNKNOWN, _diagnosis("wind", verdict="unknown"), "wrong", ("wind",)),
+        (
+            OPEN,
+            _diagnosis("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5),
+            "exact",
+            (),
+        ),
+        (OPEN, _diagnosis("cg_offset"), "partial", ()),
+        (OPEN, _diagnosis("wind", verdict="physics"), "wrong", ("wind",)),
         (OPEN, NOTHING, "nothing", ()),
     ],
 )
-def test_outcomes(truth, said, outcome, wrong):
-    judged = judge("a", truth, said)
+def test_outcomes(truth, diagnosis, outcome, wrong):
+    judged = judge("a", truth, diagnosis)
     assert (judged.outcome, judged.wrong) == (outcome, wrong)
 
 
@@ -98,11 +103,11 @@ def test_category_of_a_truth_that_states_none(truth, category):
 
 def test_of_confounded_names_the_other_one_is_not_true():
     answers = [
-        _said("cg_offset"),
-        _said("weak_rotor"),
-        _said("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5),
+        _diagnosis("cg_offset"),
+        _diagnosis("weak_rotor"),
+        _diagnosis("cg_offset", "weak_rotor", verdict="ambiguous", probability=0.5),
     ]
-    assert [score.only_true(judge("a", OPEN, said)) for said in (*answers, NOTHING)] == [
+    assert [score.only_true(judge("a", OPEN, diagnosis)) for diagnosis in (*answers, NOTHING)] == [
         True,
         False,
         None,
@@ -113,9 +118,9 @@ def test_of_confounded_names_the_other_one_is_not_true():
 def test_alarm_on_a_null_is_any_other_answer():
     answers = [
         NOTHING,
-        _said("wind"),
-        _said(verdict="unknown"),
-        _said("a", "b", verdict="ambiguous", probability=0.5),
+        _diagnosis("wind"),
+        _diagnosis(verdict="unknown"),
+        _diagnosis("a", "b", verdict="ambiguous", probability=0.5),
     ]
     assert [judge("a", NULL, s).alarm for s in answers] == [False, True, True, True]
 
@@ -125,19 +130,21 @@ def test_location_counts():
     truth = _truth(
         "rotor_drag", located=["force_x", "force_y"], traces=["force_x", "force_y", "moment_x"]
     )
-    said = _said(
+    diagnosis = _diagnosis(
         "rotor_drag",
         located=[{"channel": c} for c in ("acc_x", "force_x", "moment_x", "moment_z", "drive_2")],
     )
-    assert judge("a", truth, said).located == (1, 2, 1)
+    assert judge("a", truth, diagnosis).located == (1, 2, 1)
     assert score.f1(np.array([[1, 2, 1], [1, 0, 0]])) == pytest.approx(2 * 2 / (2 * 2 + 2 + 1))
 
 
 def test_location_on_a_null_is_one_too_many_and_a_sensor_fault_is_not_scored():
-    said = _said(located=[{"channel": "acc_x"}, {"channel": "force_x"}, {"channel": "moment_z"}])
-    assert judge("a", NULL | {"located": [], "traces": []}, said).located == (0, 2, 0)
+    diagnosis = _diagnosis(
+        located=[{"channel": "acc_x"}, {"channel": "force_x"}, {"channel": "moment_z"}]
+    )
+    assert judge("a", NULL | {"located": [], "traces": []}, diagnosis).located == (0, 2, 0)
     assert judge(
-        "a", _truth("gyro_bias", verdict="sensor", located=[], traces=[]), said
+        "a", _truth("gyro_bias", verdict="sensor", located=[], traces=[]), diagnosis
     ).located == (0, 0, 0)
 
 
@@ -180,8 +187,8 @@ def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
     assert run.run_cases(folder, processes=1) == (1, 0)
     assert run.run_cases(folder, processes=1) == (0, 0)
     about = json.loads((folder / "diagnosed" / "theirs-0" / "run.json").read_text())
-    said = read_verdict(folder / "diagnosed" / "theirs-0")
-    assert about["ended"] == "well", said["sentence"]
+    diagnosis = read_verdict(folder / "diagnosed" / "theirs-0")
+    assert about["ended"] == "well", diagnosis["sentence"]
     report = score.score_cases(folder)
     scores = {row["score"]: row for row in report["scores"]}
     assert scores["singles exactly right"]["n"] == 1
@@ -196,14 +203,14 @@ def test_folder_of_somebody_else_runs_and_scores(tmp_path, proof):
         assert (folder / "scores" / name).stat().st_size > 0
 
 
-def test_missing_verdict_is_said(tmp_path, proof):
+def test_missing_verdict_is_diagnosis(tmp_path, proof):
     folder = _foreign(tmp_path / "theirs", proof)
     with pytest.raises(GesError, match="no verdict; run ges blind run first"):
         score.score_cases(folder)
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"verdict": "physics"}', "[1]"])
-def test_bad_verdict_is_said(tmp_path, content):
+def test_bad_verdict_is_diagnosis(tmp_path, content):
     (tmp_path / "diagnosis.json").write_text(content)
     with pytest.raises(GesError, match="is not a diagnosis"):
         read_verdict(tmp_path)
@@ -254,13 +261,13 @@ def test_what_scoring_worked_out_is_kept_until_its_sources_change(proof, monkeyp
     seen, asked = oracle.witness(proof, case, truth), []
     monkeypatch.setattr(
         opened,
-        "told_the_truth",
+        "diagnose_true_names",
         lambda *_: asked.append(1) or {"detectable": {}, "sentence": "no part of it"},
     )
-    first, again = (opened.known(proof, case, truth, seen) for _ in range(2))
-    assert asked == [1] and first == again and again.told == {"detectable": {}}
+    first, again = (opened.open_case(proof, case, truth, seen) for _ in range(2))
+    assert asked == [1] and first == again and again.of_true_names == {"detectable": {}}
     monkeypatch.setattr(opened, "_made_of", lambda _: "other sources")
-    opened.known(proof, case, truth, seen)
+    opened.open_case(proof, case, truth, seen)
     assert asked == [1, 1]
     shutil.rmtree(proof / opened.KEPT)
 
@@ -279,15 +286,15 @@ def test_a_pair_is_above_its_limits_when_each_of_its_effects_is(proof, monkeypat
     )
     limits = iter((3.0, 2.0, 3.0, None))
     monkeypatch.setattr(opened, "_over_limit", lambda *_: next(limits))
-    monkeypatch.setattr(opened, "told_the_truth", lambda *_: {})
+    monkeypatch.setattr(opened, "diagnose_true_names", lambda *_: {})
     monkeypatch.setattr(oracle, "fit", lambda *_: oracle.Oracle({}, np.nan))
     assert [opened._work_out(proof, case, truth, None).over_limit for _ in range(2)] == [2.0, None]
 
 
 def test_confusion_counts_every_case_once():
     judged = [
-        judge("a", _truth("rotor_drag"), _said("rotor_drag")),
-        judge("b", _truth("rotor_drag"), _said("wind")),
+        judge("a", _truth("rotor_drag"), _diagnosis("rotor_drag")),
+        judge("b", _truth("rotor_drag"), _diagnosis("wind")),
         judge("c", NULL, NOTHING),
     ]
     table = score.confusion(judged).set_index(["concealed", "answer"])["cases"]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ges.blind.score.laws import law_answer, law_scores
+from ges.blind.score.laws import law_outcome, law_scores
 from ges.vehicle.file import parse_vehicle
 
 MASS_KG, RADIUS_M, GRAVITY_M_S2, RHO_KG_M3 = 0.5, 0.1, 9.80665, 1.225
@@ -31,7 +31,7 @@ HOVER_M_S = math.sqrt(WEIGHT_N / (2.0 * RHO_KG_M3 * 4.0 * math.pi * RADIUS_M**2)
 def _answer(channel, powers, coefficient, *laws):
     truth = {"laws": [{"channel": channel, "powers": powers, "coefficient_SI": coefficient}]}
     content = {"laws": [{"channel": c, "form": form} for c, form in laws]}
-    return law_answer("a", truth, content, VEHICLE)
+    return law_outcome("a", truth, content, VEHICLE)
 
 
 @pytest.mark.parametrize("form", ["0.1 m g (V_x/v_h)", "0.1 T (V_x/v_h)"])

@@ -134,7 +134,7 @@ def test_a_set_that_nobody_can_fly_ends_no_world(tmp_path, toys, monkeypatch):
     def unsteady(out, chosen, sources):
         _toy(out, [one for one in chosen if one[1] != 2], sources)
         if any(number == 2 for _, number, _ in chosen):
-            raise sets.Lost("'brick 2' was lost; its path is too fast")
+            raise sets.OffPath("'brick 2' was lost; its path is too fast")
 
     monkeypatch.setitem(toys, "bricks", dataclasses.replace(toys["bricks"], make=unsteady))
     out = tmp_path / "abroad"
@@ -163,11 +163,11 @@ def test_pieces_go_on_to_the_same_bytes(tmp_path, toys, monkeypatch):
 
 def test_other_makers_or_seeds_clear_away_what_was_begun(tmp_path, toys):
     out = tmp_path / "abroad"
-    worlds._begin(out, {"seed": 1})
+    seal.begin(out, {"seed": 1})
     (out / "cases" / "left").mkdir()
-    worlds._begin(out, {"seed": 1})
+    seal.begin(out, {"seed": 1})
     assert (out / "cases" / "left").exists()
-    worlds._begin(out, {"seed": 2})
+    seal.begin(out, {"seed": 2})
     assert not (out / "cases" / "left").exists()
 
 

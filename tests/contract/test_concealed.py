@@ -6,7 +6,7 @@ as wrong.
 
 import pytest
 
-from ges.blind.generator.concealed import PARAMETER, PHYSICS, RELATED, SENSOR, STRANGER
+from ges.blind.generator.concealed import PARAMETER, PHYSICS, RELATED, SENSOR, UNLISTED
 from ges.simulator import effects
 
 EXCUSED = {
@@ -33,15 +33,15 @@ def test_what_is_excused_is_in_the_library():
     assert effects.table().keys() >= EXCUSED.keys()
 
 
-@pytest.mark.parametrize("name", STRANGER)
+@pytest.mark.parametrize("name", UNLISTED)
 def test_no_stranger_is_in_the_library(name):
     assert name not in effects.table(), (
-        f"{name} is an effect of the library now: move it from STRANGER to PHYSICS in"
+        f"{name} is an effect of the library now: move it from UNLISTED to PHYSICS in"
         " ges/blind/generator/concealed.py, or its right name is scored as wrong"
     )
 
 
-def test_relatives_of_strangers_are_in_the_library():
+def test_relatives_of_unlisted_causes_are_in_the_library():
     """What is right to say of a stranger whose physics the library has in another form."""
-    assert STRANGER.keys() >= RELATED.keys()
+    assert UNLISTED.keys() >= RELATED.keys()
     assert effects.table().keys() >= {name for names in RELATED.values() for name in names}

@@ -1,4 +1,4 @@
-"""Declared numbers that are far from the vehicle: recalibrated with step control, and said."""
+"""Nominal parameters that are far from the vehicle: recalibrated with step control, and said."""
 
 import numpy as np
 import pytest

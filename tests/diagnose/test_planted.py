@@ -186,7 +186,7 @@ def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     assert {f.name for f in found.findings} == set(fades), found.sentence
 
 
-# named still, but with rivals open beside it since the force is in the declared mass: with the
+# named still, but with rivals open beside it since the force is in the nominal mass: with the
 # moved mass, a planted payload is a thrust scale
 OPEN_BESIDE = pytest.mark.xfail(reason="a ceiling or a lift is open beside it", strict=True)
 
@@ -232,8 +232,8 @@ def test_nothing_planted_nothing_found(nothing):
     ("name", "parameters"), [("motor_lag", ("up_s", "down_s")), ("esc_delay", ("delay_s",))]
 )
 def test_a_lag_as_large_as_would_have_been_seen_is_found(name, parameters, nothing, flown, vehicle):
-    """Lags within their doubts are no finding: flights that tell them to a tenth of a millisecond
-    do not show them all.
+    """Lags within their prior sds are no finding: flights that show them to a tenth of a
+    millisecond do not show them all.
     """
     size = 1.1 * nothing.detectable[name]["smallest"]
     found = ges.diagnose(

@@ -286,15 +286,15 @@ def test_rollout_lines_are_rms_over_the_starts():
     assert axis.get_title() == "height"
 
 
-def test_interval_plot_shows_value_interval_and_declared_doubt():
+def test_interval_plot_shows_value_interval_and_prior_sd():
     rows = [
         {
             "label": "mass_kg",
             "value": 1.1,
             "ci95": [1.05, 1.15],
             "unit": "kg",
-            "declared": 1.0,
-            "declared_sd": 0.02,
+            "nominal": 1.0,
+            "prior_sd": 0.02,
         }
     ]
     figure = pictures.parameter_intervals(rows)
@@ -306,11 +306,10 @@ def test_interval_plot_shows_value_interval_and_declared_doubt():
     band = axis.collections[0].get_paths()[0].get_extents()
     assert [band.x0, band.x1] == pytest.approx([0.96 / 1.15, 1.04 / 1.15])
     assert (
-        axis.texts[0].get_text()
-        == "mass_kg = 1.10 kg  (95 %: 1.05 to 1.15; declared: 1.00 ± 0.040)"
+        axis.texts[0].get_text() == "mass_kg = 1.10 kg  (95 %: 1.05 to 1.15; nominal: 1.00 ± 0.040)"
     )
     told = {t.get_text() for t in figure.legends[0].get_texts()}
-    assert told == {"fitted", "95 % interval", "declared, with two standard deviations", "zero"}
+    assert told == {"fitted", "95 % interval", "nominal, with two prior sds", "zero"}
     assert len(pictures.parameter_intervals(rows * 30).axes[0].texts) == pictures.MOST_PARAMETERS, (
         "one page"
     )

@@ -23,7 +23,7 @@ from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -58,7 +58,7 @@ def _weighed(found, names, effects=(), flights=()):
 
 
 def _told(weighed, record=None) -> tuple[str, ...]:
-    return apply_rules(SEARCH_RULES, weighed, weighed.passing, record or Record())
+    return apply_rules(SEARCH_RULES, weighed, weighed.passing, record or DecisionLog())
 
 
 @pytest.mark.parametrize(("p", "best", "passed"), [(0.95, 1, 1), (0.85, 1, 0), (0.95, 0, 0)])
@@ -74,7 +74,7 @@ def test_a_name_has_to_be_probable_and_in_the_best_set(p, best, passed):
 
 
 def test_every_decision_is_on_record_up_to_the_one_that_drops_a_name():
-    found, record = _search({("rotor_drag",): 50.0, ("wind",): 49.0}), Record()
+    found, record = _search({("rotor_drag",): 50.0, ("wind",): 49.0}), DecisionLog()
     weighed = _weighed(found, ("rotor_drag", "wind"))
     assert _told(weighed, record) == ()
     assert [d.rule for d in record.of("wind")] == ["probable"]
@@ -217,7 +217,7 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
 def test_what_makes_less_than_no_model_is_right_to_does_not_matter():
     def matters(name, channel, share):
         size = {"channel": channel, "share_of_weight": share}
-        return practically_significant(name, size, Model({}), Record())
+        return practically_significant(name, size, Model({}), DecisionLog())
 
     least = settings.decide.least_force_share
     assert matters("ground_effect", "force_z", least)

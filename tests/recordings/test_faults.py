@@ -50,7 +50,7 @@ FRAMES = ("quaternion-ned", "world-minus-yz", "gyro-minus-yz", "accelerometer-mi
 
 
 def test_a_log_as_it_was_flown_is_believed(frames):
-    assert faults.found(frames, VEHICLE) == ([], 0.0)
+    assert faults.find_faults(frames, VEHICLE) == ([], 0.0)
 
 
 @pytest.mark.parametrize("name", [*OTHER_UNITS, *ORDERS, *FRAMES])
@@ -59,7 +59,7 @@ def test_a_fault_is_named_and_its_mend_gives_the_log_back(frames, name):
     spoilt = _spoilt(frames, fault)
     for told, flown in zip(spoilt, frames, strict=True):
         pd.testing.assert_frame_equal(fault.mend(told), flown)
-    alike, log_odds = faults.found(spoilt, VEHICLE)
+    alike, log_odds = faults.find_faults(spoilt, VEHICLE)
     assert name in [f.name for f in alike] and log_odds > 20.0
     said = faults.sentence(alike, log_odds)
     assert fault.what in said and f"--mend {name}" in said
@@ -74,7 +74,7 @@ def test_senses_of_rotation_that_are_the_wrong_way_round(frames):
             )
         }
     )
-    alike, log_odds = faults.found(frames, turned)
+    alike, log_odds = faults.find_faults(frames, turned)
     assert "senses of all rotors the wrong way round" in alike[0].what and log_odds > 20.0
     assert "mend it" in faults.sentence(alike, log_odds)
 

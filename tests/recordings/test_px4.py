@@ -7,6 +7,7 @@ import pytest
 import writers
 
 from ges.errors import GesError, UsageError
+from ges.examine import examine
 from ges.recordings.readers import Options, open_log
 from ges.recordings.readers.rotor_order import agreement
 
@@ -84,6 +85,19 @@ def test_readings_without_a_function_are_used_only_if_the_commands_bear_them_out
     np.testing.assert_allclose(speed, asked, rtol=1e-3)
     with pytest.raises(UsageError, match="name each of 1 to 4 once"):
         Options(rotor_order=(1, 1, 2, 3))
+
+
+def test_a_velocity_that_the_estimator_never_had_is_no_missing_stream(tmp_path, motion, ned):
+    """It is logged, at its full rate: what to switch on is no logger."""
+    topics = _topics(motion, ned)
+    place = topics["vehicle_local_position"]
+    topics["vehicle_local_position"] = place | {"v_xy_valid": np.zeros(len(motion["t"]))}
+    path = _write(tmp_path / "f.ulg", topics)
+    assert list(open_log(path).unusable) == ["v_x_m_s", "v_y_m_s"]
+    report = examine(path, Options())
+    why = report["cannot_tell"]["rotor_drag"]
+    assert why.startswith("needs a logged velocity") and "; v_xy_valid of vehicle_local" in why
+    assert why.count("optical flow") == 1 and "velocity" not in report["switch_on"]
 
 
 def test_an_instance_that_is_zero_throughout_is_passed_over_and_said(tmp_path, motion, ned):

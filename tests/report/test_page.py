@@ -110,6 +110,25 @@ def test_every_number_of_the_findings_is_there(content):
     )
 
 
+def test_equations_are_typeset(content):
+    law = {
+        "channel": "force_y",
+        "form": "0.1 m g (V_x/v_h) - 2e-05 T",
+        "reads_as": "an asymmetric frame",
+        "regime": {"airspeed_m_s": [1.0, 2.0]},
+        "r2": 0.3,
+        "size": {},
+        "terms": [{"term": "m g (V_x/v_h)", "coefficient": 0.1, "ci95": [0.09, 0.11]}],
+    }
+    (finding,) = content["findings"]
+    finding["rival_law"] = {"channel": "force_x", "form": "0", "log_odds": -9.0}
+    text = page.render(content | {"laws": [law]})
+    assert text.count("<math") == 4 and "\\" not in text.partition("<body>")[2]
+    assert finding["equation"] not in text
+    finding["equation"] = "F = what another version wrote < this"
+    assert "<code>F = what another version wrote &lt; this</code>" in page.render(content)
+
+
 def test_smaller_entries_are_counted_and_left_out(content):
     content["located"] += [
         {**content["located"][0], "mean": 0.002},

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from ges.commands import diagnose as verb
-from ges.diagnose.prepare.cut import cut
+from ges.diagnose.prepare.split import cut
 from ges.diagnose.run import Request, gather_inputs
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError, UsageError

@@ -85,7 +85,7 @@ def test_a_contradicted_number_without_a_finding_is_named(content):
     }
     assert sentence_of(content) == (
         "The vehicle file is wrong about max rotor speed: the flights ask for +304 rad/s, 5.1"
-        " declared sds."
+        " prior sds."
     )
 
 
@@ -170,7 +170,7 @@ def test_nothing_proven_tells_the_number_that_moved(content):
     content |= {"verdict": "nothing_proven", "findings": []}
     assert "thrust scale" not in sentence_of(content)
     content["calibration"]["thrust_scale.scale"]["value"] = 0.09
-    assert "farthest off is thrust scale: the flights ask for +9.0 %, 3.0 declared" in sentence_of(
+    assert "farthest off is thrust scale: the flights ask for +9.0 %, 3.0 prior" in sentence_of(
         content
     )
 

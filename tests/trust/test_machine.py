@@ -248,7 +248,7 @@ def test_a_folder_of_the_page_with_a_damaged_part(tmp_path):
     good, bad = place.new_logs(), place.new_logs()
     (bad.path / "about.json").write_text("{")
     (good.path / "doctor.json").write_text("[{")
-    assert [logs.id for logs in place.all_logs()] == [good.id] and good.answer() is None
+    assert [logs.id for logs in place.all_logs()] == [good.id] and good.examined() is None
     with pytest.raises(KeyError):
         place.logs(bad.id)
 

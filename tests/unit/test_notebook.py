@@ -11,14 +11,14 @@ from matplotlib import pyplot as plt
 import ges
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.report.page import CAPTIONS
-from ges.diagnose.types.finding import Estimate, Finding
+from ges.diagnose.types.finding import Finding, FittedParameter
 from ges.errors import UsageError
 from ges.recordings.recording import load_set
 
 
 @pytest.fixture
 def found():
-    loss = {"loss_3": Estimate(0.1234, (0.1, 0.15), "1")}
+    loss = {"loss_3": FittedParameter(0.1234, (0.1, 0.15), "1")}
     finding = Finding.of("weak_rotor", 0.98, loss, place="rotor <3>")
     empty = dict.fromkeys(("located", "unexplained", "considered"), ())
     rest = dict.fromkeys(

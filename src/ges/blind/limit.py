@@ -3,7 +3,7 @@
 The generator knows, noise-free, what a concealed effect changed along the flown path (a
 :data:`Change`). It also knows the true noise of every sensor and of the air
 (:mod:`ges.blind.noise`). A Kalman filter with that noise whitens the change and every column that
-declared uncertainties allow. Then
+prior sds allow. Then
 
     J = s' (I + N P N')^-1 s
 
@@ -29,7 +29,7 @@ from ges.conventions import GRAVITY_M_S2
 VIBRATION_RMS = 0.6
 """Root mean square of four rotors' tones over their amplitude, folded down by the sampling."""
 AMPLITUDE_SD = 1.0
-"""Doubt of how large the other true effects are, over their true size, where one is left out."""
+"""Prior sd of how large the other true effects are, over their true size, where one is left out."""
 CHANNELS = {
     "force_N": 3,
     "moment_Nm": 3,
@@ -60,7 +60,7 @@ class Path:
     thrust_N, speed_rad_s : (n, rotors) thrusts and speeds of the rotors.
     speed_error_rad_s : sd of rotor speeds between samples, inferred from the log at best.
     changes : by name, what each concealed effect changed.
-    doubts : by declared number, its prior sd and the change for one unit of it.
+    priors : by nominal parameter, its prior sd and the change for one unit of it.
     air : disturbance by the air.
     """
 
@@ -70,7 +70,7 @@ class Path:
     speed_rad_s: np.ndarray
     speed_error_rad_s: float
     changes: Mapping[str, Change]
-    doubts: Mapping[str, tuple[float, Change]]
+    priors: Mapping[str, tuple[float, Change]]
     air: Air = field(default_factory=Air)
 
 
@@ -115,7 +115,7 @@ def log_likelihood_ratios(
 
     Parameters
     ----------
-    paths : the flights; declared numbers are common to them, sensor biases are each flight's own.
+    paths : the flights; nominal parameters are common to them, sensor biases are each flight's own.
     body : the true vehicle.
     noise : of the log at the step of the paths.
 
@@ -132,16 +132,16 @@ def log_likelihood_ratios(
     names = sorted({name for path in paths for name in path.changes})
     if not names:
         return {"whole": 0.0, "without": {}}
-    gram, doubt_sd = _gram(paths, body, noise, names)
+    gram, prior_sd = _gram(paths, body, noise, names)
     k = len(names)
-    # columns are the true changes, so that the truth has ones; doubts are there to explain it away
+    # columns are the true changes, so that the truth has ones; priors can explain it away
     whole = np.concatenate([np.ones(k), np.zeros(len(gram) - k)])
     free = {n: np.array([AMPLITUDE_SD * (n != m) for m in names]) for n in names}
-    none = np.concatenate([np.zeros(k), doubt_sd])
+    none = np.concatenate([np.zeros(k), prior_sd])
     return {
         "whole": 0.5 * _distance(gram, whole, none),
         "without": {
-            n: 0.5 * _distance(gram, np.eye(len(gram))[i], np.concatenate([free[n], doubt_sd]))
+            n: 0.5 * _distance(gram, np.eye(len(gram))[i], np.concatenate([free[n], prior_sd]))
             for i, n in enumerate(names)
         },
     }
@@ -183,16 +183,16 @@ def _gram(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the Gram matrix of whitened columns, and the sds of all but the first ``len(names)``.
 
-    Columns are the changes, the declared numbers (one for all flights), and each flight's own
+    Columns are the changes, the nominal parameters (one for all flights), and each flight's own
     sensor biases.
     """
-    shared = {n: sd for path in paths for n, (sd, _) in path.doubts.items()}
+    shared = {n: sd for path in paths for n, (sd, _) in path.priors.items()}
     biases = _biases(noise)
     size = len(names) + len(shared) + len(biases) * len(paths)
     gram = np.zeros((size, size))
     for number, path in enumerate(paths):
         columns = [path.changes.get(n, {}) for n in names]
-        columns += [path.doubts[n][1] if n in path.doubts else {} for n in shared]
+        columns += [path.priors[n][1] if n in path.priors else {} for n in shared]
         columns += [{c: np.broadcast_to(v, (len(path.thrust_N), len(v)))} for c, v, _ in biases]
         own = len(names) + len(shared) + len(biases) * number + np.arange(len(biases))
         at = np.concatenate([np.arange(len(names) + len(shared)), own])

@@ -182,16 +182,16 @@ def _diagnosis_case(duration: float, repeats: int) -> dict:
     flights = [_manoeuvre(vehicle, plan, duration, seed) for seed, plan in enumerate(PLANS, 1)]
     frames = [_logged(record, seed) for seed, record in enumerate(sim.fly(flights, LOGGED), 1)]
     # once before the clock runs: what is read at first use does not count
-    found = diagnose(frames, vehicle, holdout=HELD_OUT)
+    diagnosis = diagnose(frames, vehicle, holdout=HELD_OUT)
     simulated = min(_seconds(lambda: sim.fly(flights, LOGGED), repeats))
     diagnosed = min(_seconds(lambda: diagnose(frames, vehicle, holdout=HELD_OUT), repeats))
     with tempfile.TemporaryDirectory() as out:
-        written = min(_seconds(lambda: write_diagnosis(found, Path(out)), repeats))
+        written = min(_seconds(lambda: write_diagnosis(diagnosis, Path(out)), repeats))
     return {
         "case": "five flights with rotor drag",
         "flown_s": len(PLANS) * duration,
         "cores": cores(),
-        "found": [f.name for f in found.findings],
+        "found": [f.name for f in diagnosis.findings],
         "simulation_s": simulated,
         "diagnosis_s": diagnosed,
         "report_s": written,

@@ -114,7 +114,7 @@ def run(
     numbers = parse(pairs)
     start = time.perf_counter()
     with Progress("diagnosing") as progress:
-        count, left = run_cases(
+        count, remaining = run_cases(
             folder,
             processes,
             out=method_folder(method, numbers),
@@ -122,7 +122,7 @@ def run(
             minutes=minutes,
             tell=progress,
         )
-    rest = f"; {left} are left, the same command goes on" if left else ""
+    rest = f"; {remaining} are left, the same command goes on" if remaining else ""
     click.echo(
         f"{count} cases diagnosed in {folder}, {time.perf_counter() - start:.0f} s{rest}", err=True
     )
@@ -183,12 +183,12 @@ def calibrate(folders: tuple[Path, ...]) -> None:
     from ges.blind.score.platt import fit, pairs
     from ges.diagnose.select.probability import uncalibrated_log_odds
 
-    told = pairs(folders)
+    stated = pairs(folders)
     # back to the search's own log odds: the correction in force would be fitted again
-    offset, slope = fit(np.array([uncalibrated_log_odds(p) for p in told[:, 0]]), told[:, 1])
+    offset, slope = fit(np.array([uncalibrated_log_odds(p) for p in stated[:, 0]]), stated[:, 1])
     click.echo(
         f"search.log_odds_offset={offset:.3g} search.log_odds_slope={slope:.3g}  #"
-        f" {len(told)} names, {told[:, 1].mean():.1%} true"
+        f" {len(stated)} names, {stated[:, 1].mean():.1%} true"
     )
 
 
@@ -205,11 +205,11 @@ def changes(before: Path, after: Path) -> None:
     """
     from ges.blind.score.changes import changed_cases
 
-    found = changed_cases(before, after)
-    for case, differences in found.items():
+    changed = changed_cases(before, after)
+    for case, differences in changed.items():
         click.echo(f"{case}: {len(differences)} differences, {differences[0]}")
-    click.echo(f"{len(found)} cases differ", err=True)
-    if found:
+    click.echo(f"{len(changed)} cases differ", err=True)
+    if changed:
         sys.exit(1)
 
 

@@ -32,23 +32,24 @@ def command(recordings: tuple[Path, ...], out: Path) -> None:
     from ges.vehicle.file import save_vehicle
 
     # a session may be a single flight
-    found = calibrate(*(load_set(one, least=1) for one in recordings))
-    for warning in found.warnings:
+    calibration = calibrate(*(load_set(one, least=1) for one in recordings))
+    for warning in calibration.warnings:
         click.echo(f"warning: {warning}", err=True)
     click.echo(
         f"{'number':32s} {'correction':>11s} {'95 % interval':>24s} {'between flights':>16s}"
-        f" {'between sessions':>17s} {'doubt later':>12s}",
+        f" {'between sessions':>17s} {'prior sd':>12s}",
         err=True,
     )
-    for key, n in found.numbers.items():
+    for key, n in calibration.numbers.items():
         interval = f"{n.ci95[0]:.3g} .. {n.ci95[1]:.3g}"
         click.echo(
             f"{key:32s} {n.value:11.3g} {interval:>24s} {n.flight_sd:16.2g} {n.session_sd:17.2g}"
             f" {n.later_sd:12.2g}",
             err=True,
         )
-    save_vehicle(found.vehicle, out)
+    save_vehicle(calibration.vehicle, out)
     click.echo(
-        f"{out}: {found.seconds:.1f} s in the air; in their trims {found.spread_words()}",
+        f"{out}: {calibration.seconds:.1f} s in the air; in their trims"
+        f" {calibration.spread_words()}",
         err=True,
     )

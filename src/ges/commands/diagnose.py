@@ -143,10 +143,10 @@ def command(
             mends=mends,
             command=command_line(context),
         )
-        found = run(request, out, figures, progress.step, page)
-    _tell(found, out)
+        diagnosis = run(request, out, figures, progress.step, page)
+    _tell(diagnosis, out)
     if write_flight:
-        click.echo(_flight_written(found.next_flight, write_flight), err=True)
+        click.echo(_flight_written(diagnosis.next_flight, write_flight), err=True)
     written = out / ("report.html" if page else "diagnosis.json")
     click.echo(written, err=True)
     if page and (at_a_display() if opened is None else opened):
@@ -244,16 +244,16 @@ def at_a_display() -> bool:
     return display and sys.stdout.isatty()
 
 
-def _tell(found: Any, out: Path) -> None:
+def _tell(diagnosis: Any, out: Path) -> None:
     from ges.diagnose.report.blocks import flight_names, grouped_warnings
 
-    content = {"origin": found.origin}
+    content = {"origin": diagnosis.origin}
     # on stderr, so that standard output is the answer alone
-    for warning in grouped_warnings(found.data["warnings"], flight_names(content)):
+    for warning in grouped_warnings(diagnosis.data["warnings"], flight_names(content)):
         click.echo(f"warning: {visible(warning)}", err=True)
-    click.echo(found.sentence)
-    if found.remark:
-        click.echo(found.remark)
+    click.echo(diagnosis.sentence)
+    if diagnosis.remark:
+        click.echo(diagnosis.remark)
 
 
 def _flight_written(advised: Mapping[str, Any], path: Path) -> str:

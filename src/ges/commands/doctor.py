@@ -15,23 +15,24 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def _show(found: dict[str, Any], console: Console) -> None:
+def _show(examined: dict[str, Any], console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
 
     from ges.examine import sentences
 
-    title = f"{found['name']}: {found['autopilot'] or found['format']}, {found['seconds']:g} s"
+    title = f"{examined['name']}: {examined['autopilot'] or examined['format']},"
+    title += f" {examined['seconds']:g} s"
     table = Table()
     for heading in ("stream", "Hz", "from s", "to s", "logged as"):
         table.add_column(heading, justify="left" if heading in ("stream", "logged as") else "right")
-    for s in found["streams"]:
+    for s in examined["streams"]:
         # as Text: a name in brackets would be read as a style
         cells = (s["name"], f"{s['rate_hz']:g}", f"{s['from_s']:g}", f"{s['to_s']:g}", s["source"])
         table.add_row(*(Text(visible(cell)) for cell in cells))
     console.print(Text(visible(title), style="bold"))
     console.print(table)
-    for line, style in sentences(found):
+    for line, style in sentences(examined):
         console.print(Text(visible(line), style=style), soft_wrap=not console.is_terminal)
 
 
@@ -60,20 +61,20 @@ def command(
     from ges.recordings.readers import Options
 
     options, console = Options(mapping, pwm, None, part), Console()
-    found, unread = [], 0
+    examined, unread = [], 0
     for path in logs:
         try:
-            found.append(examine(path, options, kind))
+            examined.append(examine(path, options, kind))
         # the other logs are told of all the same
         except GesError as error:
             unread += 1
-            found.append({"name": path.name, "usable": False, "problem": str(error)})
+            examined.append({"name": path.name, "usable": False, "problem": str(error)})
             if not as_json:
                 click.echo(f"ges: {error}", err=True)
             continue
         if not as_json:
-            _show(found[-1], console)
+            _show(examined[-1], console)
     if as_json:
-        click.echo(json.dumps(found, indent=1))
+        click.echo(json.dumps(examined, indent=1))
     if unread:
         sys.exit(1)

@@ -32,14 +32,17 @@ def _markdown(effect: effects.Effect) -> str:
         " --- |"
     )
     rows = "\n".join(map(_parameter_row, effect.parameters))
-    about = f"{effect.title}.\n\n`{effect.equation}`\n\n{'; '.join(facts)}."
+    formula = "\n\n".join(f"$$ {line} $$" for line in effect.latex_lines)
+    about = f"{effect.title}.\n\n{formula}\n\n{'; '.join(facts)}."
     return f"## {effect.name}\n\n{about}\n\n{head}\n{rows}\n"
 
 
 def _page() -> str:
     intro = (
         "# Effects\n\nGenerated from the compiled library by `make docs`; the code is in"
-        " `sim_c/effects/`.\n\n"
+        " `sim_c/effects/`.\n\nIn equations $T_i$ is the thrust, $\\Omega_i$ the speed and $r_i$"
+        " the place of rotor $i$, $K_T$ the thrust coefficient, $V$ the velocity through the air,"
+        " $\\omega$ the body rates.\n\n"
     )
     return intro + "\n".join(map(_markdown, effects.table().values()))
 
@@ -50,6 +53,7 @@ def _record(effect: effects.Effect) -> dict:
         "title": effect.title,
         "kind": effect.kind,
         "equation": effect.equation,
+        "latex": effect.latex,
         "parameters": {
             p.name: {"unit": p.unit, "default": p.default, "low": p.low, "high": p.high}
             for p in effect.parameters

@@ -61,24 +61,24 @@ def list_runs(results: Path) -> None:
 @click.option("--json", "as_json", is_flag=True, help="The whole manifest.")
 def show(run: str, results: Path, as_json: bool) -> None:
     """Where a run came from and what it measured."""
-    found = runs.find(results, run)
+    manifest = runs.find(results, run)
     if as_json:
-        click.echo(found.model_dump_json(indent=1))
+        click.echo(manifest.model_dump_json(indent=1))
         return
     click.echo(
-        f"run      {found.id}\ncommit  "
-        f" {found.code.commit}{' + changes' if found.code.modified else ''}"
+        f"run      {manifest.id}\ncommit  "
+        f" {manifest.code.commit}{' + changes' if manifest.code.modified else ''}"
     )
     click.echo(
-        f"config   {found.config_sha256}\npython   {found.environment.python},"
-        f" {found.environment.compiler}"
+        f"config   {manifest.config_sha256}\npython   {manifest.environment.python},"
+        f" {manifest.environment.compiler}"
     )
     table = _table("metric", "value")
-    for name, value in found.metrics.items():
+    for name, value in manifest.metrics.items():
         table.add_row(name, f"{value:g}")
     _print(table)
     table = _table("job", "seconds", "peak MiB")
-    for name, t in sorted(found.timings.items(), key=lambda item: -item[1].wall_s):
+    for name, t in sorted(manifest.timings.items(), key=lambda item: -item[1].wall_s):
         table.add_row(name, f"{t.wall_s:.1f}", "" if t.peak_MiB is None else f"{t.peak_MiB:.0f}")
     _print(table)
 
@@ -91,9 +91,9 @@ def cost(run: str, results: Path) -> None:
 
     'starting' is interpreter and imports, memory what jobs at once held at most.
     """
-    found = runs.find(results, run)
+    manifest = runs.find(results, run)
     table = _table("stage", "jobs", "wall s", "CPU s", "starting CPU s", "peak MiB")
-    for name, c in runs.stages(found).items():
+    for name, c in runs.stages(manifest).items():
         table.add_row(name, str(c.jobs), *(f"{v:.0f}" for v in c[1:]))
     _print(table)
 
@@ -121,13 +121,13 @@ def diff(a: str, b: str, results: Path) -> None:
 @RESULTS
 def verify(run: str, results: Path) -> None:
     """Hash every file of a run again; exit 1 if one is missing or changed."""
-    found = runs.find(results, run)
-    wrong = runs.changed_files(found, results.parent)
+    manifest = runs.find(results, run)
+    wrong = runs.changed_files(manifest, results.parent)
     for name, what in wrong.items():
         click.echo(f"{what}: {name}")
     click.echo(
-        f"run {found.id}: {len(found.outputs) - len(wrong)} of {len(found.outputs)} files are as"
-        " they were made"
+        f"run {manifest.id}: {len(manifest.outputs) - len(wrong)} of {len(manifest.outputs)} files"
+        " are as they were made"
     )
     sys.exit(1 if wrong else 0)
 

@@ -42,25 +42,25 @@ def _missing(vehicle: Vehicle) -> tuple[dict[str, float], list[str]]:
 
     rotors = vehicle.rotor_arrays()
     values: dict[str, float] = {}
-    said: list[str] = []
+    notes: list[str] = []
     if vehicle.inertia_kg_m2 is None:
         arm_m = scaling.arm_m(rotors["x_m"], rotors["y_m"])
         inertia = scaling.inertia(vehicle.mass_kg.value, arm_m)
         # a scaling law of published frames: a share of mass times squared arm
         values |= {f"i{axis}_kg_m2": getattr(inertia, axis) for axis in ("xx", "yy", "zz")}
-        said.append(
-            f"inertia is not in the file; taken as {scaling.ACROSS:g}, {scaling.ACROSS:g} and"
-            f" {scaling.ALONG:g} of mass times arm squared"
+        notes.append(
+            f"inertia is not in the file; taken as {scaling.ABOUT_X_Y:g}, {scaling.ABOUT_X_Y:g} and"
+            f" {scaling.ABOUT_Z:g} of mass times arm squared"
         )
     if vehicle.torque_coefficient_Nm_s2 is None:
         thrust = vehicle.thrust_coefficient_N_s2.value
         torque = scaling.torque_coefficient(thrust, 2.0 * float(rotors["radius_m"].mean()))
         values["torque_coefficient_Nm_s2"] = torque.value
-        said.append(
+        notes.append(
             f"the torque coefficient is not in the file; taken as {scaling.TORQUE:g} of rotor"
             " diameter times thrust coefficient"
         )
-    return values, said
+    return values, notes
 
 
 def _references(plan: str, references: Path | None, duration: float | None) -> np.ndarray:
@@ -154,8 +154,8 @@ def command(
 
     require_file(out)
     vehicle = load_vehicle(vehicle_path)
-    values, said = _missing(vehicle)
-    for sentence in said:
+    values, notes = _missing(vehicle)
+    for sentence in notes:
         click.echo(f"warning: {sentence}", err=True)
     table = _references(plan, references, duration)
     timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}

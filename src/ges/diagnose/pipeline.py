@@ -24,7 +24,7 @@ from ges.diagnose.prove.proof import prove
 from ges.diagnose.report.compose import compose_diagnosis
 from ges.diagnose.report.content import located_entries
 from ges.diagnose.report.diagnosis import Diagnosis
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 from ges.simulator import effects as effect_table
 from ges.threads import blas_alone
 from ges.vehicle.file import Vehicle
@@ -40,7 +40,7 @@ def diagnose(
     holdout: Sequence[str] | None = None,
     folder: Path | str = ".",
     names: Sequence[str] | None = None,
-    watch: Watch = lambda step, known: None,
+    watch: Watch = lambda step, results: None,
 ) -> Diagnosis:
     """Find what a simulator lacks, from recorded flights.
 
@@ -56,7 +56,7 @@ def diagnose(
     folder : folder of the height map that ``vehicle`` names.
     names : effects to fit instead of searching: what could be reached if the causes were known. A
         name that the flights cannot show is left out.
-    watch : called as ``watch(step, known)`` when a step ends. Steps are ``"located"`` with the
+    watch : called as ``watch(step, results)`` when a step ends. Steps are ``"located"`` with the
         cells of the map of residuals, and ``"fitted"`` with the accepted names.
 
     Returns
@@ -86,7 +86,7 @@ def diagnose(
     >>> found
     Diagnosis(physics: rotor_drag, ground_effect)
     """
-    record = Record()
+    record = DecisionLog()
     for name in names or ():
         effect_table.get(name)
 

@@ -28,8 +28,8 @@ def diagnose_changed(reference: list[Path], flights: list[Path], report: Path) -
     report : report.html; all other files of a diagnosis are written next to it.
     """
     vehicle = calibrate(load_set(reference[0].parent)).vehicle
-    found = diagnose({f.name: f.frame for f in load_set(flights[0].parent).flights}, vehicle)
-    write_diagnosis(found, report.parent)
+    diagnosis = diagnose({f.name: f.frame for f in load_set(flights[0].parent).flights}, vehicle)
+    write_diagnosis(diagnosis, report.parent)
 
 
 def diagnose_published(recordings: list[Path], vehicle: Path, mapping: Path, report: Path) -> None:

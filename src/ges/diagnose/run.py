@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ges.diagnose.pipeline import diagnose
-from ges.diagnose.prepare.cut import cut
+from ges.diagnose.prepare.split import cut
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.report.drawing import Drawing
 from ges.diagnose.report.figures import map_figure
@@ -127,21 +127,21 @@ def run(
     """
     inputs = gather_inputs(request, watch)
 
-    def ended(step: str, known: Sequence) -> None:
+    def ended(step: str, results: Sequence) -> None:
         if step == "located" and drawing:
-            drawing.start(map_figure(known))
+            drawing.start(map_figure(results))
         watch(STEPS[step])
 
     watch("finding when it flies, and where the simulator differs")
-    found = diagnose(inputs.recordings, holdout=list(request.holdout) or None, watch=ended)
+    diagnosis = diagnose(inputs.recordings, holdout=list(request.holdout) or None, watch=ended)
     # only now: nothing that diagnoses knows a file or a command
-    origin = with_files(found.origin, inputs.hashes, inputs.vehicle_file, request.command)
-    found = dataclasses.replace(found, origin=origin)
+    origin = with_files(diagnosis.origin, inputs.hashes, inputs.vehicle_file, request.command)
+    diagnosis = dataclasses.replace(diagnosis, origin=origin)
     watch("writing the page" if page else "writing")
     if inputs.made:
         write_text(out / MADE_VEHICLE, inputs.made)
-    write_diagnosis(found, out, inputs.recordings.folder, drawing, page)
-    return found
+    write_diagnosis(diagnosis, out, inputs.recordings.folder, drawing, page)
+    return diagnosis
 
 
 def gather_inputs(request: Request, watch: Watch) -> Inputs:

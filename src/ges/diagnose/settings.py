@@ -178,7 +178,7 @@ class StatisticsSettings:
     suggestive_sds: float = number(
         2.0,
         "sds",
-        "Deviation that is worth looking at, and within which a declared number is no finding.",
+        "Deviation that is worth looking at, and within which a nominal parameter is no finding.",
         Convention("the 95 % interval of a Gaussian"),
     )
     clear_sds: float = number(
@@ -190,10 +190,10 @@ class StatisticsSettings:
     certain_sds: float = number(
         4.0,
         "sds",
-        "Deviation from which a delay, an offset or a declared number is no chance.",
+        "Deviation from which a delay, an offset or a nominal parameter is no chance.",
         Convention(
-            "one in 16,000 of honest doubts, so that one of ten numbers is called in fewer than one"
-            " of a thousand vehicles"
+            "one in 16,000 of honest prior sds, so that one of ten numbers is called in fewer than"
+            " one of a thousand vehicles"
         ),
     )
     least_gain: float = number(
@@ -201,16 +201,6 @@ class StatisticsSettings:
         "",
         "Share of an error or of a variance from which a change, or a large structure, counts.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
-    )
-    large_part: float = number(
-        0.3,
-        "",
-        "Share of a whole (a variance, a size, a pull, a correlation) from which a part is large.",
-        Convention(
-            "near a third; weaker instruments err as plain regression does (Bound, Jaeger"
-            " and Baker 1995, JASA 90, 443)"
-        ),
-        high=1.0,
     )
     extreme_quantile: float = number(
         0.01,
@@ -422,9 +412,16 @@ class PrepareSettings:
     at_once_share: float = number(
         0.1,
         "",
-        "Response in its own row over that a row later, of a command that acts at once; and doubt"
+        "Response in its own row over that a row later, of a command that acts at once; and sd"
         " in rows on how late one acts.",
         Convention("not measured"),
+        high=1.0,
+    )
+    clear_correlation: float = number(
+        0.3,
+        "",
+        "Correlation of two streams from which their delay is clear.",
+        Convention("near a third; not measured"),
         high=1.0,
     )
     slow_Hz: float = number(
@@ -515,13 +512,13 @@ class DesignSettings:
     instruments: bool = number(
         True, "", "Whether references serve as instruments.", Convention("off in an ablation")
     )
-    declared_tolerance: bool = number(
+    nominal_tolerance: bool = number(
         True,
         "",
-        "Whether declared numbers may move within doubts.",
+        "Whether nominal parameters may move within prior sds.",
         Convention("off in an ablation"),
     )
-    answer_slowest_s: float = number(
+    response_slowest_s: float = number(
         0.5,
         "s",
         "Slower changes of thrust are no answers to gusts, whose scatter shows within so long.",
@@ -529,14 +526,24 @@ class DesignSettings:
             "thrust curves that were none were named, two of 700 names",
             "development seeds",
             "9b8a121",
-            RUN.replace("KEY=VALUE", "design.answer_slowest_s=5"),
+            RUN.replace("KEY=VALUE", "design.response_slowest_s=5"),
         ),
+    )
+    instrument_strength_least: float = number(
+        0.3,
+        "",
+        "Share of a signal that its instruments predict, from which they are strong.",
+        Convention(
+            "weaker instruments err as plain regression does (Bound, Jaeger and Baker 1995,"
+            " JASA 90, 443)"
+        ),
+        high=1.0,
     )
 
     @property
     def response_windows(self) -> int:
         """Half windows that a controller's feedback response lasts."""
-        return round(self.answer_slowest_s / self.half_window_s)
+        return round(self.response_slowest_s / self.half_window_s)
 
     @property
     def half_window_s(self) -> float:
@@ -663,7 +670,7 @@ class EstimateSettings:
     converged_sds: float = number(
         0.02,
         "sds",
-        "Step that ends a fit, and doubt on what is held in one.",
+        "Step that ends a fit, and prior sd of what is held in one.",
         Numerical("results are the same from anywhere (commit 6a9f74a)"),
     )
     same_cost: float = number(
@@ -679,6 +686,13 @@ class EstimateSettings:
             "282ac6e",
             "ges blind score DIR",
         ),
+    )
+    prerequisite_share_least: float = number(
+        0.3,
+        "usual size",
+        "Least size of a prerequisite, by which the size of what needs it is divided.",
+        Convention("near a third: no quotient beyond bounds; not measured"),
+        high=1.0,
     )
     recalibration_tolerance: float = number(
         1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
@@ -702,6 +716,13 @@ class DetectSettings:
         low=1.0,
     )
     gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
+    leaning_share: float = number(
+        0.3,
+        "",
+        "Horizontal force over the pull of a load, below which the load may make it by leaning.",
+        Convention("a lean of 17 degrees; not measured"),
+        high=1.0,
+    )
     load_levels: int = number(
         13,
         "",
@@ -730,6 +751,27 @@ class LocateSettings:
         "Least spread of a speed or a place that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
     )
+    height_spread_least: float = number(
+        0.3,
+        "median height",
+        "Least spread of a height that was flown over a range.",
+        Convention("near a third; not measured"),
+        high=1.0,
+    )
+    large_r2: float = number(
+        0.3,
+        "",
+        "Share of a channel's variance, predicted by a regime of flight, from which it is large.",
+        Convention("near a third; not measured"),
+        high=1.0,
+    )
+    contribution_share: float = number(
+        0.3,
+        "",
+        "Rms of an effect's contribution over that of the residual, from which it shows.",
+        Convention("near a third: a tenth of the variance; not measured"),
+        high=1.0,
+    )
     r2_least: float = number(
         0.1,
         "",
@@ -754,6 +796,13 @@ class DecideSettings:
         "How much more than what no model is right to a structure has to be.",
         Convention("no form is perfect; not measured"),
         low=1.0,
+    )
+    law_cover: float = number(
+        0.3,
+        "",
+        "Spread of a residual over that of a law, below which trims cancel the law in flight.",
+        Convention("near a third; not measured"),
+        high=1.0,
     )
     still_air_m_s: float = number(
         0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")
@@ -811,19 +860,19 @@ class CalibrateSettings:
     loss_sd: float = number(
         0.1,
         "",
-        "Doubt on the gain of a motor.",
+        "Prior sd of the gain of a motor.",
         Convention("propellers of small vehicles; not measured"),
     )
     cant_sd_rad: float = number(
         0.01,
         "rad",
-        "Doubt on the cant of the rotors.",
+        "Prior sd of the cant of the rotors.",
         Convention("motors that stand straight to a degree, the mean of four; not measured"),
     )
     spread: float = number(
         0.2,
         "",
-        "Usual spread of a trim between flights, from commands, over the doubt on it.",
+        "Usual spread of a trim between flights, from commands, over the prior sd of it.",
         Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
     )
     smaller_spread: float = number(
@@ -844,7 +893,7 @@ class CalibrateSettings:
         20.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
     )
     converged_share: float = number(
-        0.2, "", "Step over its doubt that ends a calibration.", Numerical("commit 8cbfda3")
+        0.2, "", "Step over its prior sd that ends a calibration.", Numerical("commit 8cbfda3")
     )
 
 

@@ -51,9 +51,9 @@ def naked_numbers(text: str) -> list[tuple[int, str]]:
     # calls last: brackets within maths or text, blanked by now, would end their arguments
     prose = _blanked(_CALL, _blanked(_NOT_PROSE, text))
     return [
-        (n, found[0])
+        (n, match[0])
         for n, line in enumerate(prose.splitlines(), start=1)
-        for found in _NUMBER.finditer(line)
+        for match in _NUMBER.finditer(line)
     ]
 
 

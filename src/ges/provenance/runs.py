@@ -163,7 +163,7 @@ def run_id(config: Mapping[str, Any], code_sha256: str) -> str:
     return f"{config_hash(config)[:8]}-{code_sha256[:8]}"
 
 
-def _said(*command: str, cwd: Path | None = None) -> str:
+def _output_of(*command: str, cwd: Path | None = None) -> str:
     try:
         done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
@@ -182,8 +182,10 @@ def commit(root: Path) -> tuple[str, bool]:
     -------
     First 10 digits of the commit, or ``unknown``, and whether tracked files differ from it.
     """
-    found = _said("git", "rev-parse", "--short=10", "HEAD", cwd=root) or "unknown"
-    return found, bool(_said("git", "status", "--porcelain", "--untracked-files=no", cwd=root))
+    revision = _output_of("git", "rev-parse", "--short=10", "HEAD", cwd=root) or "unknown"
+    return revision, bool(
+        _output_of("git", "status", "--porcelain", "--untracked-files=no", cwd=root)
+    )
 
 
 def _processor() -> str:
@@ -199,7 +201,7 @@ def _processor() -> str:
 
 def _environment() -> Environment:
     versions = {d.metadata["Name"].lower(): d.version for d in importlib.metadata.distributions()}
-    compiler = _said(*os.environ.get("CC", "cc").split(), "--version").partition("\n")[0]
+    compiler = _output_of(*os.environ.get("CC", "cc").split(), "--version").partition("\n")[0]
     return Environment(
         python=platform.python_version(),
         platform=f"{platform.system()} {platform.machine()}",
@@ -216,12 +218,12 @@ def _number(text: str) -> float | None:
 
 def _logged(log: Path, what: str) -> float | None:
     """Read the processor time that a job's log gives for ``what``."""
-    found = (
+    match = (
         re.search(rf"([\d.]+) s of processor time {what}", log.read_text(errors="replace"))
         if log.is_file()
         else None
     )
-    return float(found[1]) if found else None
+    return float(match[1]) if match else None
 
 
 def _timing(path: Path, log: Path) -> Timing:
@@ -389,14 +391,14 @@ def load_manifest(path: Path) -> Manifest:
     try:
         return Manifest.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
-        said = (
+        problem = (
             error.errors()[0]
             if isinstance(error, ValidationError)
             else {"loc": (), "msg": str(error)}
         )
-        where = ".".join(map(str, said["loc"]))
+        where = ".".join(map(str, problem["loc"]))
         raise GesError(
-            f"manifest {path}: {where}: {said['msg']}; run the workflow again to write it anew"
+            f"manifest {path}: {where}: {problem['msg']}; run the workflow again to write it anew"
         ) from None
 
 
@@ -411,10 +413,10 @@ def manifests(results: Path) -> dict[str, Path]:
     -------
     Paths by id of the run, newest last.
     """
-    found = sorted(
+    files = sorted(
         results.glob("runs/*/manifest.json"), key=lambda f: (f.stat().st_mtime, f.parent.name)
     )
-    return {f.parent.name: f for f in found}
+    return {f.parent.name: f for f in files}
 
 
 def find(results: Path, name: str) -> Manifest:
@@ -436,21 +438,21 @@ def find(results: Path, name: str) -> Manifest:
     UsageError
         When none fits; the message has the nearest id.
     """
-    known = manifests(results)
-    if not known:
+    runs = manifests(results)
+    if not runs:
         raise GesError(
             f"no run in {results / 'runs'}; 'make all' makes one, --results names another folder"
         )
     fitting = (
-        [list(known)[-1]] if name == "latest" else [run for run in known if run.startswith(name)]
+        [list(runs)[-1]] if name == "latest" else [run for run in runs if run.startswith(name)]
     )
     if len(fitting) != 1:
         raise (
-            unknown_name("run", name, known)
+            unknown_name("run", name, runs)
             if not fitting
             else GesError(f"run '{name}' may be " + " or ".join(fitting))
         )
-    return load_manifest(known[fitting[0]])
+    return load_manifest(runs[fitting[0]])
 
 
 def changed_files(run: Manifest, folder: Path) -> dict[str, str]:
@@ -554,10 +556,10 @@ def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
     mlflow.set_experiment(experiment)
     # a run is its id: asked again, it is not written twice
     same = f"attributes.run_name = '{run.id}'"
-    if known := mlflow.search_runs(
+    if existing := mlflow.search_runs(
         experiment_names=[experiment], filter_string=same, output_format="list"
     ):
-        return known[0].info.run_id
+        return existing[0].info.run_id
     with mlflow.start_run(run_name=run.id) as started:
         mlflow.log_params({key: str(value) for key, value in flat(run.config).items()})
         mlflow.log_metrics(run.metrics)

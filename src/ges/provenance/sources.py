@@ -24,8 +24,8 @@ def module_file(module: str) -> Path | None:
     if parts[0] != PACKAGE.name:
         return None
     base = PACKAGE.joinpath(*parts[1:])
-    found = [f for f in (base / "__init__.py", base.with_suffix(".py")) if f.is_file()]
-    return found[0] if found else None
+    files = [f for f in (base / "__init__.py", base.with_suffix(".py")) if f.is_file()]
+    return files[0] if files else None
 
 
 @functools.cache
@@ -67,12 +67,12 @@ def sources(module: str) -> tuple[Path, ...]:
     -------
     Paths, sorted.
     """
-    todo, found = [module], {}
+    todo, files = [module], {}
     while todo:
         name = todo.pop()
         file = module_file(name)
-        if file is not None and name not in found:
-            found[name] = file
+        if file is not None and name not in files:
+            files[name] = file
             # importing a module runs every package above it, too
             todo += [name.rpartition(".")[0], *_imported(name)]
-    return tuple(sorted(found.values()))
+    return tuple(sorted(files.values()))

@@ -168,7 +168,7 @@ def mixer_fits(
     width = _FAST_SMOOTH_S / _FAST_STEP_S
     speeding, share = _smooth(speeding, both, width), _smooth(share, both, width)
     windows = len(share) * _windows(frame, _FAST_STEP_S, _FAST_SMOOTH_S)
-    found = []
+    by_reading = []
     for order, sense in readings:
         place = list(order)
         arms = [rotors["y_m"], -rotors["x_m"], -sense * rotors["spin"]]
@@ -178,8 +178,8 @@ def mixer_fits(
             if min(np.std(asked), np.std(turned)) >= _STILL:
                 r = max(0.0, float(np.corrcoef(asked, turned)[0, 1]))
                 fits[f"mixer in {axis}"] = PairFit(1.0 - r**2, windows)
-        found.append(fits)
-    return found
+        by_reading.append(fits)
+    return by_reading
 
 
 def _grid(frame: pd.DataFrame, step_s: float = _STEP_S) -> np.ndarray | None:
@@ -236,8 +236,8 @@ def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
     if push is None or not all(n in frame for n in SPECIFIC_FORCE):
         return {}
     name, of_rotors = push
-    along = _on(grid, frame, SPECIFIC_FORCE)[:, 2]
-    return {f"acc_z_m_s2 and {name}": (along, of_rotors.sum(axis=1))}
+    along_thrust = _on(grid, frame, SPECIFIC_FORCE)[:, 2]
+    return {f"acc_z_m_s2 and {name}": (along_thrust, of_rotors.sum(axis=1))}
 
 
 def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | None:
@@ -297,15 +297,15 @@ def _paired(what: str, names: tuple[str, ...], columns: np.ndarray, other: np.nd
 
 def _smoothed(pairs: Pairs) -> Pairs:
     """Smooth both of each pair about their means; pairs without samples or motion are left out."""
-    found: Pairs = {}
+    smoothed: Pairs = {}
     for what, (a, b) in pairs.items():
         both = np.isfinite(a) & np.isfinite(b)
         if both.sum() < _FEWEST:
             continue
         a, b = (_smooth(x, both, _SMOOTH_S / _STEP_S) for x in (a, b))
         if min(np.std(a), np.std(b)) >= _STILL:
-            found[what] = a, b
-    return found
+            smoothed[what] = a, b
+    return smoothed
 
 
 def _smooth(values: np.ndarray, valid: np.ndarray, width: float) -> np.ndarray:

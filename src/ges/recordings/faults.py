@@ -75,11 +75,13 @@ def _scaled(columns: Sequence[str], factor: float) -> Callable[[pd.DataFrame], p
     return mend
 
 
-def _renamed(columns: Sequence[str], held: Sequence[str]) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    """Read the column ``columns[i]`` as ``held[i]``."""
+def _renamed(
+    columns: Sequence[str], names: Sequence[str]
+) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Read the column ``columns[i]`` as ``names[i]``."""
 
     def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        pairs = zip(columns, held, strict=True)
+        pairs = zip(columns, names, strict=True)
         return frame.assign(**{there: frame[c] for c, there in pairs if c in frame})
 
     return mend
@@ -155,12 +157,12 @@ def _attitudes() -> Iterator[Fault]:
 
 
 def _motors(n_rotors: int) -> Iterator[Fault]:
-    told = tuple(range(n_rotors))
+    stated = tuple(range(n_rotors))
     wrong_way = "the vehicle file has the senses of all rotors the wrong way round"
-    yield Fault("", wrong_way, lambda frame: frame, (told, -1.0))
-    orders = itertools.permutations(told) if n_rotors <= MOST_PERMUTED else ()
+    yield Fault("", wrong_way, lambda frame: frame, (stated, -1.0))
+    orders = itertools.permutations(stated) if n_rotors <= MOST_PERMUTED else ()
     for order in orders:
-        if order == told:
+        if order == stated:
             continue
         motors = [str(i + 1) for i in order]
         yield Fault(
@@ -177,8 +179,8 @@ def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
     streams = [(each, [each[i] for i in order]) for each in (rotor_speed(n), command(n))]
 
     def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        for columns, held in streams:
-            frame = _renamed(columns, held)(frame)
+        for columns, names in streams:
+            frame = _renamed(columns, names)(frame)
         return frame
 
     return mend
@@ -204,7 +206,7 @@ def faults(n_rotors: int = 4) -> dict[str, Fault]:
     return {f.name: f for f in every}
 
 
-def found(
+def find_faults(
     frames: Sequence[pd.DataFrame], vehicle: Vehicle | None = None
 ) -> tuple[list[Fault], float]:
     """Find the faults that explain how the streams of flights differ.
@@ -230,20 +232,20 @@ def found(
     frames = [_middle(frame) for frame in frames[:MOST_FLIGHTS]]
     n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
     every = faults(n_rotors).values()
-    as_told: Reading = (range(n_rotors), 1.0)
+    as_logged: Reading = (range(n_rotors), 1.0)
     of_motors = [f for f in every if f.motors]
-    readings = [as_told, *(f.motors for f in of_motors if f.motors)]
+    readings = [as_logged, *(f.motors for f in of_motors if f.motors)]
     mixer, *reordered = _together(lambda f: mixer_fits(f, rotors, readings), frames)
-    (told,) = _together(lambda f: [kinematic_fits(f)], frames)
+    (kinematic,) = _together(lambda f: [kinematic_fits(f)], frames)
     scores = [
         (_gain(mixer, mended), fault) for fault, mended in zip(of_motors, reordered, strict=True)
     ]
     # kinematics is exact, so that streams which agree with one another need no other reading
-    agreed = bool(told) and all(f.misfit < AGREED_MISFIT for f in told.values())
-    whole = told | mixer
+    agreed = bool(kinematic) and all(f.misfit < AGREED_MISFIT for f in kinematic.values())
+    whole = kinematic | mixer
     for fault in () if agreed else every:
         if not fault.motors:
-            mended = _mended(fault, frames, whole, lambda f: mixer_fits(f, rotors, [as_told])[0])
+            mended = _mended(fault, frames, whole, lambda f: mixer_fits(f, rotors, [as_logged])[0])
             scores.append((_gain(whole, mended), fault))
     best = max((gain for gain, _ in scores), default=0.0)
     if best + np.log(PRIOR_ODDS) <= 0.0:
@@ -257,19 +259,19 @@ def found(
 def _mended(
     fault: Fault,
     frames: Sequence[pd.DataFrame],
-    told: Fits,
+    as_logged: Fits,
     mixer: Callable[[pd.DataFrame], dict[str, PairFit]],
 ) -> Fits:
     """Compute fits of corrected flights, by flight and pair, up to one that refutes the fault."""
-    found: dict[tuple[int, str], PairFit] = {}
+    mended: dict[tuple[int, str], PairFit] = {}
     for k, frame in enumerate(frames):
         better = fault.mend(frame)
         pairs = kinematic_fits(better) | mixer(better)
-        found |= {(k, what): fit for what, fit in pairs.items()}
-        so_far = {key: fit for key, fit in told.items() if key[0] <= k}
-        if _log_likelihood(found) < _log_likelihood(so_far) - REFUTED_NATS:
+        mended |= {(k, what): fit for what, fit in pairs.items()}
+        so_far = {key: fit for key, fit in as_logged.items() if key[0] <= k}
+        if _log_likelihood(mended) < _log_likelihood(so_far) - REFUTED_NATS:
             break
-    return found
+    return mended
 
 
 def _log_likelihood(fits: Fits) -> float:
@@ -300,7 +302,7 @@ def sentence(alike: Sequence[Fault], log_odds: float) -> str:
 
     Parameters
     ----------
-    alike, log_odds : what :func:`found` returns, with one fault at least.
+    alike, log_odds : what :func:`find_faults` returns, with one fault at least.
     """
     odds = (
         f"10^{log_odds / np.log(10.0):.0f}" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
@@ -311,12 +313,12 @@ def sentence(alike: Sequence[Fault], log_odds: float) -> str:
     return f"its streams do not fit one another as they are told: {what} (odds {odds} : 1){mend}"
 
 
-def _gain(told: Fits, mended: Fits) -> float:
+def _gain(as_logged: Fits, mended: Fits) -> float:
     """Compute the log likelihood that a corrected log has over the log as it is.
 
     It is none where what is corrected does not fit either.
     """
-    changed = [fit for what, fit in mended.items() if fit != told.get(what)]
+    changed = [fit for what, fit in mended.items() if fit != as_logged.get(what)]
     if not changed or np.mean([fit.misfit for fit in changed]) > LARGEST_MISFIT:
         return 0.0
-    return _log_likelihood(mended) - _log_likelihood(told)
+    return _log_likelihood(mended) - _log_likelihood(as_logged)

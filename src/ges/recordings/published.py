@@ -78,10 +78,10 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
     GesError
         When they are not.
     """
-    found = hashlib.sha256(content).hexdigest()
-    if found != sha256:
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != sha256:
         raise GesError(
-            f"{name} has SHA-256 {found[:12]}..., published was {sha256[:12]}...; it was changed,"
+            f"{name} has SHA-256 {digest[:12]}..., published was {sha256[:12]}...; it was changed,"
             " take a fresh copy"
         )
     return content
@@ -90,8 +90,8 @@ def check(content: bytes, sha256: str, name: str) -> bytes:
 def _download(source: Source, path: str, timeout_s: float) -> bytes:
     address = f"https://raw.githubusercontent.com/{source.repository}/{source.commit}/{path}"
     try:
-        with urllib.request.urlopen(address, timeout=timeout_s) as answer:
-            return answer.read()
+        with urllib.request.urlopen(address, timeout=timeout_s) as response:
+            return response.read()
     except (urllib.error.URLError, OSError) as error:
         raise GesError(
             f"cannot fetch {source.repository}/{path}: {error}; name a folder with copies by --from"
@@ -138,15 +138,11 @@ def fetch(
     source = known[name]
     for local, (path, sha256) in source.files.items():
         target = out / local
-        if not _is_published(target, sha256):
+        if not target.is_file() or hashlib.sha256(target.read_bytes()).hexdigest() != sha256:
             given = _copy(copies, local) if copies else _download(source, path, timeout_s)
             with replacing(target) as new:
                 new.write_bytes(check(given, sha256, local))
         yield target
-
-
-def _is_published(path: Path, sha256: str) -> bool:
-    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == sha256
 
 
 def _copy_shipped(folder: Traversable, out: Path) -> Iterator[Path]:

@@ -91,7 +91,7 @@ def unit_of(column: str) -> str | None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Flight:
+class RecordedFlight:
     """One recorded flight.
 
     Attributes
@@ -129,7 +129,7 @@ class RecordingSet:
     """
 
     vehicle: Vehicle
-    flights: tuple[Flight, ...]
+    flights: tuple[RecordedFlight, ...]
     folder: Path
     warnings: tuple[str, ...] = ()
 
@@ -207,10 +207,10 @@ def _wrong_force(frame: pd.DataFrame) -> str | None:
             f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert"
             " to m/s^2"
         )
-    along = float(np.nanmedian(frame["acc_z_m_s2"]))
-    if along < -_LOWEST_FORCE_M_S2:
+    usual = float(np.nanmedian(frame["acc_z_m_s2"]))
+    if usual < -_LOWEST_FORCE_M_S2:
         return (
-            f"acc_z_m_s2 reads {along:.2g} most of the time: z points down; the body frame is"
+            f"acc_z_m_s2 reads {usual:.2g} most of the time: z points down; the body frame is"
             " forward-left-up, so negate y and z of accelerometer and gyro"
         )
     return None
@@ -309,16 +309,16 @@ def make_set(
         raise unknown_name("mend", wrong[0], [name for name in known if name])
     flights, warnings = [], [f"read with --mend {name}: {known[name].what}" for name in mends]
     hover = vehicle.hover_speed_rad_s()
-    for name, told in frames:
-        frame = told
+    for name, given in frames:
+        frame = given
         for mend in mends:
             frame = known[mend].mend(frame)
         good, noticed = checked_frame(name, frame.drop(columns=_of_no_rotor(frame, vehicle)))
         if problem := _contradiction(name, good, hover):
             raise GesError(problem)
-        flights.append(Flight(name, good))
+        flights.append(RecordedFlight(name, good))
         warnings += noticed
-    alike, log_odds = faults.found([f.frame for f in flights], vehicle)
+    alike, log_odds = faults.find_faults([f.frame for f in flights], vehicle)
     if alike:
         raise GesError(f"{flights[0].name}: {faults.sentence(alike, log_odds)}")
     return RecordingSet(vehicle, tuple(flights), Path(folder), tuple(warnings))
@@ -370,10 +370,10 @@ def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> R
         )
     paths = _tables(folder)
     if len(paths) < least:
-        held = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
+        count = "1 flight" if len(paths) == 1 else f"{len(paths)} flights"
         raise GesError(
-            f"{folder} holds {held} (*.parquet); needed are {least} or more; 'ges import --parts 4'"
-            " cuts a long log"
+            f"{folder} holds {count} (*.parquet); needed are {least} or more;"
+            " 'ges import --parts 4' cuts a long log"
         )
     frames = ((p.stem, _read(p)) for p in paths)
     return make_set(load_vehicle(folder / "vehicle.yaml"), frames, folder, mends)
@@ -403,11 +403,12 @@ def read_parquet(path: Path) -> pa.Table:
 def _read(path: Path) -> pd.DataFrame:
     table = read_parquet(path)
     for field in table.schema:
-        unit, known = (field.metadata or {}).get(b"unit", b""), unit_of(field.name)
+        unit, expected = (field.metadata or {}).get(b"unit", b""), unit_of(field.name)
         stated = unit.decode(errors="replace")
-        if stated and known and stated != known:
+        if stated and expected and stated != expected:
             raise GesError(
-                f"{path.name}: the file calls {field.name} a number of {stated}; it must be {known}"
+                f"{path.name}: the file calls {field.name} a number of {stated}; it must be"
+                f" {expected}"
             )
     return table.to_pandas(ignore_metadata=True)
 

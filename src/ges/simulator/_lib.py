@@ -101,10 +101,12 @@ def library_path() -> Path:
     ``$GES_LIBRARY`` if set, else ``libges.so`` beside this file (a wheel has it), else
     ``build/libges.so`` of the checkout.
     """
-    given, beside = os.environ.get("GES_LIBRARY"), Path(__file__).with_name("libges.so")
+    given, packaged = os.environ.get("GES_LIBRARY"), Path(__file__).with_name("libges.so")
     if given:
         return Path(given)
-    return beside if beside.exists() else Path(__file__).resolve().parents[3] / "build/libges.so"
+    return (
+        packaged if packaged.exists() else Path(__file__).resolve().parents[3] / "build/libges.so"
+    )
 
 
 @functools.lru_cache(maxsize=8)

@@ -32,7 +32,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Doubt:
+class ParameterPrior:
     """How far a parameter may be off without being a finding.
 
     Numbers are in the parameter's unit, or in arm lengths.
@@ -89,7 +89,7 @@ class Parameter:
     acts_above : another parameter, and the value above which this one acts; None for always.
     reach, reach_over : largest step of a fit, as a share of ``radius`` or of a parameter; 0 for
         any.
-    doubt : how far it may be off without being a finding; None if by nothing.
+    prior : how far it may be off without being a finding; None if by nothing.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Parameter:
     acts_above: tuple[str, float] | None
     reach: float
     reach_over: str
-    doubt: Doubt | None
+    prior: ParameterPrior | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,7 +150,8 @@ class Effect:
     ----------
     number : index in the compiled library; -1 for laws.
     name, title : identifier, and a line for people.
-    equation, reference : formula and its source.
+    equation, latex : formula, as plain text and as LaTeX, whose lines are parted by ``\\\\``.
+    reference : its source.
     modifies : effect that this one modifies; None for an effect of its own.
     channels : channels in which it acts.
     kind : ``wrench``, ``actuator``, ``sensor``, ``wind`` or ``parameter``.
@@ -163,7 +164,7 @@ class Effect:
     hints : any of ``GES_HINTS`` of the descriptor, as ``own_lever``.
     rarity : how often it is met, relative to other effects.
     needs : streams that must be recorded.
-    through : prerequisite effects, of which one must be on for this one to act.
+    requires_one_of : prerequisite effects, of which one must be on for this one to act.
     family : effects of one family act in the same place; its own name if it has none.
     settled : why it enters no search; '' where it does.
     carried : levels at which it is tried together with what it modifies.
@@ -174,6 +175,7 @@ class Effect:
     name: str
     title: str
     equation: str
+    latex: str
     reference: str
     modifies: str | None
     channels: tuple[str, ...]
@@ -186,7 +188,7 @@ class Effect:
     hints: frozenset[str]
     rarity: float
     needs: tuple[str, ...]
-    through: tuple[str, ...]
+    requires_one_of: tuple[str, ...]
     family: str
     settled: str
     carried: tuple[float, ...]
@@ -222,9 +224,14 @@ class Effect:
         return self.kind == "wind"
 
     @property
+    def latex_lines(self) -> list[str]:
+        """The formula in LaTeX, by lines."""
+        return self.latex.split(r" \\ ")
+
+    @property
     def prerequisites(self) -> tuple[str, ...]:
         """Effects of which one must be on for this one to act; none for most."""
-        return (self.modifies,) if self.modifies else self.through
+        return (self.modifies,) if self.modifies else self.requires_one_of
 
     @property
     def amplitudes(self) -> tuple[str, ...]:
@@ -306,7 +313,10 @@ def _require(given: Mapping[str, Any], fields: Sequence[str], of: str) -> None:
 
 def _parameter(given: dict[str, Any], effect: str) -> Parameter:
     _require(given, ["role"], f"parameter {given['name']} of effect {effect}")
-    changed = {"default": given["value"], "doubt": given["doubt"] and Doubt(**given["doubt"])}
+    changed = {
+        "default": given["value"],
+        "prior": given["prior"] and ParameterPrior(**given["prior"]),
+    }
     # C leaves what a descriptor does not say at 0: then a fit has the parameter's own bounds
     if given["fit_low"] == given["fit_high"] == 0.0:
         changed |= {"fit_low": given["low"], "fit_high": given["high"]}
@@ -385,7 +395,7 @@ class _LawEffect(Effect):
             acts_above=None,
             reach=0.0,
             reach_over="",
-            doubt=None,
+            prior=None,
         )
 
 
@@ -396,6 +406,7 @@ def _law() -> Effect:
         name=laws.LAW,
         title="law found in flights, which no effect of the library has",
         equation="F_c = sum_j c_j m g prod_k g_k^n |g_k|^m near_j",
+        latex=r"F_c = \sum_j c_j\, m g \prod_k g_k^n |g_k|^m\, \text{near}_j",
         reference="Buckingham 1914",
         modifies=None,
         channels=laws.CHANNELS,
@@ -408,7 +419,7 @@ def _law() -> Effect:
         hints=frozenset(),
         rarity=1.0,
         needs=(),
-        through=(),
+        requires_one_of=(),
         family=laws.LAW,
         settled="",
         carried=(),
@@ -698,8 +709,8 @@ def replay_each(
     heights, packed = terrain.height_map(), [pack(e) for e in sets]
     grid = None if heights is None else _lib.pack_grid(*heights)
     n_rotors = rotors_of(parameters)
-    told, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
-    replayed = _lib.replay(vector, packed, grid, told.data, n_outputs, lanes)
+    prepared, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
+    replayed = _lib.replay(vector, packed, grid, prepared.data, n_outputs, lanes)
     return [Replay(data, n_rotors) for data in replayed]
 
 

@@ -64,6 +64,11 @@ class Group:
         """The group as it is written, without brackets: ``V_x/v_h``."""
         return f"{self.quantity}/{self.reference}"
 
+    @property
+    def latex(self) -> str:
+        """The group in LaTeX, without brackets."""
+        return rf"\frac{{{self.quantity}}}{{{self.reference}}}"
+
 
 @functools.lru_cache(maxsize=1)
 def groups() -> dict[str, Group]:
@@ -135,6 +140,21 @@ class Term:
         return " ".join(factors)
 
     @property
+    def latex(self) -> str:
+        r"""The term in LaTeX: ``m g \left(\frac{V_x}{v_h}\right)``."""
+        factors = [f"{self.scale} L" if self.channel.startswith("moment") else self.scale]
+        for group, n, m in zip(groups().values(), self.power, self.magnitude, strict=True):
+            signed = rf"\left({group.latex}\right)" if n else ""
+            unsigned = rf"\left|{group.latex}\right|" if m else ""
+            factors.append(
+                signed + (f"^{n}" if n > 1 else "") + unsigned + (f"^{m}" if m > 1 else "")
+            )
+        if self.local:
+            place = r", ".join(rf"{number:g}\,\text{{m}}" for number in self.near_m)
+            factors.append(rf"\,\text{{near}}({place})")
+        return r" ".join(filter(None, factors))
+
+    @property
     def local(self) -> bool:
         """Whether it acts about one place only."""
         return self.near_m[2] > 0.0
@@ -198,22 +218,22 @@ def parse(channel: str, text: str) -> dict[Term, float]:
     """
     if channel not in CHANNELS:
         raise unknown_name("channel of a law", channel, CHANNELS)
-    found: dict[Term, float] = {}
+    terms: dict[Term, float] = {}
     at = 0
-    while at < len(text) or not found:
+    while at < len(text) or not terms:
         met = _TERM.match(text, at)
         # the sign of every term but the first stands before its number
-        if not met or (found and met["number"].lstrip()[0] not in "+-"):
+        if not met or (terms and met["number"].lstrip()[0] not in "+-"):
             raise UsageError(
                 f"the law of {channel} cannot be read at '{text[at:].strip()}'; a term is a number,"
                 " then 'm g' or 'T', of a moment 'm g L' or 'T L', then groups such as (V_x/v_h),"
                 " (R/h)^2 or (V_x/v_h)|V_x/v_h|, then a place, near(1 m, 2 m, 0.5 m)"
             )
         term, at = _term(channel, met), met.end()
-        if term in found:
+        if term in terms:
             raise UsageError(f"the law of {channel} has the term '{term.text}' twice; add them up")
-        found[term] = float(re.sub(r"\s", "", met["number"]))
-    return found
+        terms[term] = float(re.sub(r"\s", "", met["number"]))
+    return terms
 
 
 def _term(channel: str, met: re.Match[str]) -> Term:
@@ -260,6 +280,30 @@ def written(coefficients: Mapping[Term, float], digits: int | None = None) -> st
     parts = [f"{c:{form}} {first.text}"]
     parts += [f"{'-' if c < 0 else '+'} {abs(c):{form}} {term.text}" for term, c in more]
     return " ".join(parts)
+
+
+def latex(channel: str, coefficients: Mapping[Term, float]) -> str:
+    r"""Write a law in LaTeX.
+
+    Parameters
+    ----------
+    channel : one of :data:`CHANNELS`.
+    coefficients : by term; none for a law that is zero.
+
+    Examples
+    --------
+    >>> latex("force_y", parse("force_y", "1.2e-5 T - 0.02 m g (R/h)^2"))
+    'F_y = 1.2 \\times 10^{-5}\\, T - 0.02\\, m g \\left(\\frac{R}{h}\\right)^2'
+    """
+    kind, axis = channel.split("_")
+    terms = [rf"{_latex_number(c)}\, {term.latex}" for term, c in coefficients.items()] or ["0"]
+    right = " + ".join(terms).replace("+ -", "- ")
+    return f"{kind[0].upper()}_{axis} = {right}"
+
+
+def _latex_number(value: float) -> str:
+    mantissa, _, exponent = f"{value:g}".partition("e")
+    return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
 @functools.lru_cache(maxsize=1024)

@@ -39,7 +39,7 @@ def _times(duration_s: float) -> np.ndarray:
     return np.arange(int(round(duration_s / STEP_S)) + 1) * STEP_S
 
 
-def _along(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarray:
+def _quintic_path(t: np.ndarray, knots_s: list[float], points: np.ndarray) -> np.ndarray:
     """Pass the points (n, 3) at the knots, at rest there, with quintic blends between them."""
     table = np.zeros((len(t), 14))
     leg = np.clip(np.searchsorted(knots_s, t, side="right") - 1, 0, len(knots_s) - 2)
@@ -65,7 +65,9 @@ def hover(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:
     -------
     Table (n, 14), see the module.
     """
-    return _along(_times(duration_s), [0.0, duration_s], np.tile([0.0, 0.0, height_m], (2, 1)))
+    return _quintic_path(
+        _times(duration_s), [0.0, duration_s], np.tile([0.0, 0.0, height_m], (2, 1))
+    )
 
 
 def height_staircase(
@@ -89,7 +91,7 @@ def height_staircase(
     heights = np.concatenate([ladder, ladder[-2::-1]])
     moves = np.repeat(heights, 2)
     knots = np.linspace(0, duration_s, len(moves))
-    return _along(
+    return _quintic_path(
         _times(duration_s),
         list(knots),
         np.stack([np.zeros_like(moves), np.zeros_like(moves), moves], 1),
@@ -119,7 +121,7 @@ def straight_runs(
         points += legs
         weights += [pace] * len(legs)
     knots = np.concatenate([[0.0], np.cumsum(weights)]) * duration_s / sum(weights)
-    return _along(_times(duration_s), list(knots), np.array(points) + [0, 0, height_m])
+    return _quintic_path(_times(duration_s), list(knots), np.array(points) + [0, 0, height_m])
 
 
 def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) -> np.ndarray:
@@ -139,7 +141,7 @@ def climbs(duration_s: float = 40.0, low_m: float = 1.0, high_m: float = 4.0) ->
     heights = np.array([low_m, high_m] * 5)
     knots = np.concatenate([[0.0], np.cumsum(np.linspace(1.6, 0.6, len(heights) - 1))])
     points = np.stack([np.zeros_like(heights), np.zeros_like(heights), heights], 1)
-    return _along(_times(duration_s), list(knots * duration_s / knots[-1]), points)
+    return _quintic_path(_times(duration_s), list(knots * duration_s / knots[-1]), points)
 
 
 def yaw_turn(duration_s: float = 30.0, height_m: float = 1.0) -> np.ndarray:

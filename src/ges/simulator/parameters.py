@@ -14,7 +14,7 @@ from ges.simulator import _lib
 
 
 @dataclasses.dataclass(frozen=True)
-class Parameter:
+class FlightParameter:
     """One number of a flight.
 
     Attributes
@@ -35,7 +35,7 @@ class Parameter:
 
 
 @functools.lru_cache(maxsize=1)
-def parameters() -> dict[str, Parameter]:
+def parameters() -> dict[str, FlightParameter]:
     """List every number of a flight, by name.
 
     Examples
@@ -43,7 +43,7 @@ def parameters() -> dict[str, Parameter]:
     >>> parameters()["dt_s"].default
     0.001
     """
-    return {row[0]: Parameter(*row) for row in _lib.parameter_table()}
+    return {row[0]: FlightParameter(*row) for row in _lib.parameter_table()}
 
 
 def rotors_of(given: Mapping[str, float | str]) -> int:

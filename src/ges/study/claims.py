@@ -181,13 +181,13 @@ def claims(listed: Path = LISTED) -> list[Claim]:
     ----------
     listed : YAML of groups; keys of a group hold for all of its claims, and ``where`` is merged.
     """
-    found = []
+    loaded = []
     for group in yaml.safe_load(listed.read_text()):
         common = {k: v for k, v in group.items() if k != "claims"}
         for entry in group["claims"]:
             where = {**common.get("where", {}), **entry.get("where", {})}
-            found.append(Claim.model_validate({**common, **entry, "where": where}))
-    return found
+            loaded.append(Claim.model_validate({**common, **entry, "where": where}))
+    return loaded
 
 
 def _cell(row: Mapping[str, Any], value: str) -> Ours:
@@ -261,18 +261,20 @@ def ours(claim: Claim, tables: Mapping[str, pd.DataFrame]) -> Ours | None:
     frame = tables.get(claim.table)
     if frame is None or frame.empty:
         return None
-    found = look(frame, claim.where, claim.value, claim.reduce)
+    result = look(frame, claim.where, claim.value, claim.reduce)
     for extra, reduce in (
         (claim.minus, claim.reduce),
         (claim.over, claim.over_reduce or claim.reduce),
     ):
-        if found and extra is not None:
+        if result and extra is not None:
             other = look(frame, {**claim.where, **extra}, claim.value, reduce)
-            found = other and _combined(found, other, subtract=extra is claim.minus)
-    if not found or not math.isfinite(found.value):
+            result = other and _combined(result, other, subtract=extra is claim.minus)
+    if not result or not math.isfinite(result.value):
         return None
     return Ours(
-        value=claim.scale * found.value, low=claim.scale * found.low, high=claim.scale * found.high
+        value=claim.scale * result.value,
+        low=claim.scale * result.low,
+        high=claim.scale * result.high,
     )
 
 
@@ -296,20 +298,20 @@ def _side(value: float) -> float:
 
 
 def _unexplained(
-    claim: Claim, found: Ours, baseline: Ours | None
+    claim: Claim, result: Ours, baseline: Ours | None
 ) -> tuple[Claim, Ours, Ours | None]:
     """The same in 1 - R^2, so that closeness is that of what a model leaves unexplained."""
 
     def rest(value: float | None) -> float | None:
         return None if value is None else 1.0 - value
 
-    told = {
+    changes = {
         # under its own name the rule would turn it again
         "value": "unexplained",
         "paper": rest(claim.paper),
         "paper_baseline": rest(claim.paper_baseline),
     }
-    return claim.model_copy(update=told), _turned(found), baseline and _turned(baseline)
+    return claim.model_copy(update=changes), _turned(result), baseline and _turned(baseline)
 
 
 def _turned(o: Ours) -> Ours:
@@ -317,77 +319,79 @@ def _turned(o: Ours) -> Ours:
     return Ours(value=1 - o.value, low=1 - o.high, high=1 - o.low)
 
 
-def _value(claim: Claim, found: Ours, baseline: Ours | None) -> str:
+def _value(claim: Claim, result: Ours, baseline: Ours | None) -> str:
     if claim.value == "r2":
-        return _value(*_unexplained(claim, found, baseline))
+        return _value(*_unexplained(claim, result, baseline))
     published = claim.published
     # an interval wider than the number itself would hold any claim
-    holds = found.low <= published <= found.high and (found.high - found.low) / 2 < abs(published)
-    if holds or abs(found.value - published) <= CLOSE * abs(published):
+    holds = result.low <= published <= result.high and (result.high - result.low) / 2 < abs(
+        published
+    )
+    if holds or abs(result.value - published) <= CLOSE * abs(published):
         return REPRODUCED
     if baseline is not None and claim.paper_baseline is not None:
-        same = _side(found.value - baseline.value) == _side(published - claim.paper_baseline)
+        same = _side(result.value - baseline.value) == _side(published - claim.paper_baseline)
         return DIRECTION if same else NOT
     # both ends on one side of zero; NaN, where there is no interval, is on none
-    excludes = found.low * found.high > 0
+    excludes = result.low * result.high > 0
     return (
         DIRECTION
-        if claim.value == "difference" and excludes and _side(found.value) == _side(published)
+        if claim.value == "difference" and excludes and _side(result.value) == _side(published)
         else NOT
     )
 
 
-def _sign(claim: Claim, found: Ours) -> str:
-    if _side(found.value) != _side(claim.published):
+def _sign(claim: Claim, result: Ours) -> str:
+    if _side(result.value) != _side(claim.published):
         return NOT
-    return REPRODUCED if found.low * found.high > 0 else DIRECTION
+    return REPRODUCED if result.low * result.high > 0 else DIRECTION
 
 
-def _null(claim: Claim, found: Ours) -> str:
-    if abs(found.value) >= claim.least:
+def _null(claim: Claim, result: Ours) -> str:
+    if abs(result.value) >= claim.least:
         return NOT
-    return REPRODUCED if found.low <= 0 <= found.high else DIRECTION
+    return REPRODUCED if result.low <= 0 <= result.high else DIRECTION
 
 
-def _above(claim: Claim, found: Ours) -> str:
-    if found.value <= claim.limit:
+def _above(claim: Claim, result: Ours) -> str:
+    if result.value <= claim.limit:
         return NOT
     # a low of NaN is not below: without an interval the value decides
-    return DIRECTION if found.low <= claim.limit else REPRODUCED
+    return DIRECTION if result.low <= claim.limit else REPRODUCED
 
 
-def _below(claim: Claim, found: Ours) -> str:
-    if found.value >= claim.limit:
+def _below(claim: Claim, result: Ours) -> str:
+    if result.value >= claim.limit:
         return NOT
     # a high of NaN is not above: without an interval the value decides
-    return DIRECTION if found.high >= claim.limit else REPRODUCED
+    return DIRECTION if result.high >= claim.limit else REPRODUCED
 
 
-def _not_below(_: Claim, found: Ours) -> str:
+def _not_below(_: Claim, result: Ours) -> str:
     # a high of NaN never is the greater one: without an interval the value decides
-    return NOT if max(found.value, found.high) < 0 else REPRODUCED
+    return NOT if max(result.value, result.high) < 0 else REPRODUCED
 
 
-def verdict(claim: Claim, found: Ours | None, baseline: Ours | None = None) -> str:
+def verdict(claim: Claim, result: Ours | None, baseline: Ours | None = None) -> str:
     """Return the verdict on a claim by :data:`RULES`.
 
     Parameters
     ----------
     claim : the claim.
-    found : our number; None is :data:`UNMEASURED`.
+    result : our number; None is :data:`UNMEASURED`.
     baseline : our counterpart of the published baseline.
     """
-    if found is None:
+    if result is None:
         return UNMEASURED
     if claim.kind == "value":
-        return _value(claim, found, baseline)
+        return _value(claim, result, baseline)
     return {
         "sign": _sign,
         "null": _null,
         "above": _above,
         "below": _below,
         "not_below": _not_below,
-    }[claim.kind](claim, found)
+    }[claim.kind](claim, result)
 
 
 def read_tables(tables: list[Path], results: Path) -> dict[str, pd.DataFrame]:
@@ -427,13 +431,13 @@ def _rows(
     listed: list[Claim], tables: Mapping[str, pd.DataFrame], seeds: Seeds
 ) -> Iterator[dict[str, Any]]:
     for claim in listed:
-        found = ours(claim, tables)
+        result = ours(claim, tables)
         baseline = (
             ours(claim.model_copy(update={"where": {**claim.where, **claim.baseline}}), tables)
             if claim.baseline
             else None
         )
-        judged = verdict(claim, found, baseline)
+        judged = verdict(claim, result, baseline)
         yield {
             "id": claim.id,
             "section": claim.section,
@@ -441,9 +445,9 @@ def _rows(
             "rule": claim.kind,
             "paper": claim.paper_text or _number(claim.paper),
             "unit": claim.unit,
-            "ours": _number(found.value if found else None),
-            "low": _number(found.low if found else None),
-            "high": _number(found.high if found else None),
+            "ours": _number(result.value if result else None),
+            "low": _number(result.low if result else None),
+            "high": _number(result.high if result else None),
             "seeds": _behind(claim, seeds),
             "verdict": judged,
             "fitted": "yes" if claim.fitted else "",

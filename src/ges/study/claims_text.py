@@ -83,12 +83,12 @@ def digits(value: float, significant: int = 3, count: bool = True) -> str:
     return mantissa.rstrip(".").replace("-", "\u2212") + power
 
 
-def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]:
+def entry(result: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]:
     """Return a number with its interval, as values and as text.
 
     Parameters
     ----------
-    found : the number; None prints as :data:`ABSENT`.
+    result : the number; None prints as :data:`ABSENT`.
     unit : SI; metres below :data:`MILLIMETRES` are printed in millimetres.
     significant : digits.
 
@@ -96,20 +96,22 @@ def entry(found: Ours | None, unit: str, significant: int = 3) -> dict[str, Any]
     -------
     ``value``, ``ci95`` and ``unit`` in SI, ``text``, and ``full``, which has the interval as well.
     """
-    if found is None or not math.isfinite(found.value):
+    if result is None or not math.isfinite(result.value):
         return {"value": None, "ci95": None, "unit": unit, "text": ABSENT, "full": ABSENT}
-    factor, name = (1000.0, "mm") if unit == "m" and abs(found.value) < MILLIMETRES else (1.0, unit)
+    factor, name = (
+        (1000.0, "mm") if unit == "m" and abs(result.value) < MILLIMETRES else (1.0, unit)
+    )
     suffix = "" if name == "1" else f"\u202f{name}"
-    has = math.isfinite(found.low) and math.isfinite(found.high)
-    span = [found.low, found.high]
+    has = math.isfinite(result.low) and math.isfinite(result.high)
+    span = [result.low, result.high]
     # what has an interval was measured: it keeps its digits where it happens to be whole
     value, low, high = (
-        digits(factor * v, significant, count=not has) for v in (found.value, *span)
+        digits(factor * v, significant, count=not has) for v in (result.value, *span)
     )
     text = value + suffix
     full = f"{value} [{low}, {high}]{suffix}" if has else text
     return {
-        "value": found.value,
+        "value": result.value,
         "ci95": span if has else None,
         "unit": unit,
         "text": text,
@@ -121,11 +123,11 @@ def _claims(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Entries of every claim, and how many of the paper's own have each verdict."""
     made: dict[str, dict[str, Any]] = {}
     for row in table.to_dict("records"):
-        found = Ours(
+        result = Ours(
             **{k: float(row[c]) for k, c in (("value", "ours"), ("low", "low"), ("high", "high"))}
         )
         made[row["id"]] = {
-            **entry(found, row["unit"]),
+            **entry(result, row["unit"]),
             "paper": _published(row),
             "verdict": row["verdict"],
         }
@@ -165,16 +167,16 @@ def quoted(listed: Path = LISTED) -> dict[str, Quoted]:
     return {name: Quoted.model_validate(spec) for name, spec in content.items()}
 
 
-def _found(frame: pd.DataFrame, spec: Quoted) -> Ours | None:
+def _looked_up(frame: pd.DataFrame, spec: Quoted) -> Ours | None:
     """Return the number that is asked for.
 
     A difference of two rows has no interval, since they are not independent.
     """
-    found = look(frame, spec.where, spec.value, spec.reduce)
-    if found is None or spec.minus is None:
-        return found
+    result = look(frame, spec.where, spec.value, spec.reduce)
+    if result is None or spec.minus is None:
+        return result
     other = look(frame, {**spec.where, **spec.minus}, spec.value, spec.reduce)
-    return other and Ours(value=found.value - other.value)
+    return other and Ours(value=result.value - other.value)
 
 
 def write_numbers(
@@ -194,12 +196,12 @@ def write_numbers(
     made, read = _claims(pd.read_csv(claims)), read_tables(tables, results)
     for name, spec in quoted(listed).items():
         frame = read.get(spec.table)
-        found = None if frame is None or frame.empty else _found(frame, spec)
-        if found is not None:
-            found = Ours(
-                value=spec.scale * found.value,
-                low=spec.scale * found.low,
-                high=spec.scale * found.high,
+        result = None if frame is None or frame.empty else _looked_up(frame, spec)
+        if result is not None:
+            result = Ours(
+                value=spec.scale * result.value,
+                low=spec.scale * result.low,
+                high=spec.scale * result.high,
             )
-        made[name] = entry(found, spec.unit, spec.digits)
+        made[name] = entry(result, spec.unit, spec.digits)
     write_json(numbers, json.loads(json.dumps(made)))

@@ -579,10 +579,10 @@ def _sentence(error: Mapping[str, Any]) -> str:
         )
     if error["type"] == "missing":
         return f"key '{key}' is missing"
-    said = error["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    message = error["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if error["type"] == "value_error":
-        return f"'{key}': {said}"
-    return f"'{key}' is {error['input']!r}; allowed is {said}"
+        return f"'{key}': {message}"
+    return f"'{key}' is {error['input']!r}; allowed is {message}"
 
 
 def validate(mapping: Mapping[str, Any]) -> Study:

@@ -218,7 +218,7 @@ class Pages:
             most_files=MOST_FILES,
             formats=[reader.title for reader in READERS],
             logs=self.workspace.all_logs(),
-            diagnoses=[self._told(d) for d in self.workspace.all_diagnoses()],
+            diagnoses=[self._shown(d) for d in self.workspace.all_diagnoses()],
         )
 
     async def static(self, request: Request) -> Response:
@@ -315,33 +315,33 @@ class Pages:
             When there are no such logs.
         """
         logs = self.workspace.logs(request.path_params["id"])
-        found = await self._examined(logs)
+        examined = await self._examined(logs)
         return page(
             "logs.html.j2",
             logs=logs,
             about=logs.about,
-            found=[{**f, "sentences": list(sentences(f))} for f in found],
-            usable=[f["name"] for f in found if f["usable"]],
+            examined=[{**f, "sentences": list(sentences(f))} for f in examined],
+            usable=[f["name"] for f in examined if f["usable"]],
             library=[(name, library.title(name)) for name in library.names()],
             layouts=list(LAYOUTS),
             presets=preset_names(),
             limit_bytes=self.limit_bytes,
             most_files=MOST_FILES,
             diagnoses=[
-                self._told(d) for d in self.workspace.all_diagnoses() if d.about["logs"] == logs.id
+                self._shown(d) for d in self.workspace.all_diagnoses() if d.about["logs"] == logs.id
             ],
         )
 
     async def _examined(self, logs: Logs) -> list[dict[str, Any]]:
         async with self._doctor:
-            found = logs.answer()
-            if found is None:
+            examined = logs.examined()
+            if examined is None:
                 names = logs.names()
                 words = ["doctor", "--json", *asking.reading(logs, rotor_order=False)]
                 ended = await ask([*words, "--", *names], logs.files) if names else None
-                found = _answers(ended.out, ended.problem, names) if ended else []
-                logs.keep_answer(found)
-        return found
+                examined = _parse_examined(ended.out, ended.problem, names) if ended else []
+                logs.keep_examined(examined)
+        return examined
 
     async def reading(self, request: Request) -> Response:
         """Keep how the logs are to be read, and go on to their page.
@@ -359,7 +359,7 @@ class Pages:
         """
         logs = self.workspace.logs(request.path_params["id"])
         logs.note(reading=asking.checked_reading(logs, await request.form(max_files=0)))
-        logs.forget_answer()
+        logs.forget_examined()
         return _see(f"/logs/{logs.id}")
 
     async def vehicle(self, request: Request) -> Response:
@@ -424,15 +424,15 @@ class Pages:
         KeyError
             When there is no such diagnosis.
         """
-        told = self._told(self.workspace.diagnosis(request.path_params["id"]))
+        shown = self._shown(self.workspace.diagnosis(request.path_params["id"]))
         return page(
             "diagnosis.html.j2",
-            **told,
+            **shown,
             results=RESULTS,
             others=[
                 other
-                for other in map(self._told, self.workspace.all_diagnoses())
-                if other["state"] == "done" and other["id"] != told["id"]
+                for other in map(self._shown, self.workspace.all_diagnoses())
+                if other["state"] == "done" and other["id"] != shown["id"]
             ],
         )
 
@@ -452,13 +452,13 @@ class Pages:
         key = self.workspace.diagnosis(request.path_params["id"]).id
         # a browser that lost the connection says which step it saw last
         last = request.headers.get("last-event-id") or request.query_params.get("last", "")
-        known = int(last) + 1 if last.isdecimal() and len(last) < 10 else 0
-        return StreamingResponse(self._events(key, known), media_type="text/event-stream")
+        first = int(last) + 1 if last.isdecimal() and len(last) < 10 else 0
+        return StreamingResponse(self._events(key, first), media_type="text/event-stream")
 
-    async def _events(self, key: str, known: int) -> AsyncIterator[str]:
+    async def _events(self, key: str, first: int) -> AsyncIterator[str]:
         job = self.jobs.get(key)
         if job:
-            async for number, step in job.follow(known):
+            async for number, step in job.follow(first):
                 yield f"id: {number}\nevent: step\ndata: {json.dumps(step)}\n\n"
         yield "event: over\ndata: {}\n\n"
 
@@ -529,7 +529,7 @@ class Pages:
             When there is no such diagnosis, or it is not done.
         """
         diagnosis = self.workspace.diagnosis(request.path_params["id"])
-        if self._told(diagnosis)["state"] != "done":
+        if self._shown(diagnosis)["state"] != "done":
             raise KeyError(diagnosis.id)
         path = await asyncio.to_thread(diagnosis.archive)
         return FileResponse(path, filename=f"ges-{diagnosis.id[:6]}.zip")
@@ -559,30 +559,30 @@ class Pages:
         text = compare.as_html(compare.compare(first, second, names))
         return HTMLResponse(text, headers={"content-security-policy": guard.REPORTS})
 
-    def _told(self, diagnosis: Diagnosed) -> dict[str, Any]:
+    def _shown(self, diagnosis: Diagnosed) -> dict[str, Any]:
         """Collect what the pages say of a diagnosis."""
         about, job = diagnosis.about, self.jobs.get(diagnosis.id)
         # every key that a template asks for, as templates are strict
-        told: dict[str, Any] = {
+        shown: dict[str, Any] = {
             "id": diagnosis.id,
             "name": _name(about),
             "verdict": "",
             "sentence": "",
         }
-        told |= {"problem": "", "steps": [], "seconds": 0.0, **about}
-        told["sizes"] = {n: (diagnosis.results / n).stat().st_size for n in diagnosis.names()}
+        shown |= {"problem": "", "steps": [], "seconds": 0.0, **about}
+        shown["sizes"] = {n: (diagnosis.results / n).stat().st_size for n in diagnosis.names()}
         if job and not job.over:
-            told |= {"state": job.state, "steps": list(job.steps)}
+            shown |= {"state": job.state, "steps": list(job.steps)}
         # it is written down as under way, and this server has no job of it: one before began it
         elif about["state"] == "running":
-            told |= {"state": "stopped", "problem": "the server ended before it did"}
+            shown |= {"state": "stopped", "problem": "the server ended before it did"}
         elif about["state"] == "done":
             try:
                 content = load_diagnosis(diagnosis.results)
             except GesError as error:
-                return {**told, "state": "failed", "problem": str(error)}
-            told |= {"verdict": VERDICTS[content["verdict"]], "sentence": content["sentence"]}
-        return told
+                return {**shown, "state": "failed", "problem": str(error)}
+            shown |= {"verdict": VERDICTS[content["verdict"]], "sentence": content["sentence"]}
+        return shown
 
 
 def _see(address: str) -> RedirectResponse:
@@ -597,8 +597,8 @@ def _name(about: dict[str, Any]) -> str:
     return f"{first}{more}, {about['vehicle']}"
 
 
-def _answers(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
+def _parse_examined(text: str, problem: str, names: list[str]) -> list[dict[str, Any]]:
     """Read what ``ges doctor --json`` wrote; where it failed, that."""
     with contextlib.suppress(json.JSONDecodeError):
-        return [{**asking.NOTHING_FOUND, **found} for found in json.loads(text)]
-    return [{**asking.NOTHING_FOUND, "name": name, "problem": problem} for name in names]
+        return [{**asking.UNREAD, **examined} for examined in json.loads(text)]
+    return [{**asking.UNREAD, "name": name, "problem": problem} for name in names]

@@ -14,7 +14,7 @@ from ges.ui.folder import Logs
 from ges.vehicle import library
 from ges.vehicle.layouts import LAYOUTS
 
-NOTHING_FOUND: Mapping[str, Any] = {
+UNREAD: Mapping[str, Any] = {
     "format": "",
     "autopilot": "",
     "seconds": 0.0,
@@ -79,19 +79,19 @@ def reading(logs: Logs, rotor_order: bool = True) -> list[str]:
     -------
     Words of the command line; empty where nothing is stated.
     """
-    said, words = logs.about["reading"], []
-    if said["map"]:
-        words += ["--map", said["map"]]
-    if said["pwm"]:
-        words += ["--pwm", *map(str, said["pwm"])]
-    if said["part"]:
-        words += ["--part", str(said["part"])]
-    if rotor_order and said["rotor_order"]:
-        words += ["--rotor-order", ",".join(map(str, said["rotor_order"]))]
+    options, words = logs.about["reading"], []
+    if options["map"]:
+        words += ["--map", options["map"]]
+    if options["pwm"]:
+        words += ["--pwm", *map(str, options["pwm"])]
+    if options["part"]:
+        words += ["--part", str(options["part"])]
+    if rotor_order and options["rotor_order"]:
+        words += ["--rotor-order", ",".join(map(str, options["rotor_order"]))]
     return words
 
 
-def vehicle_words(logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]) -> list[str]:
+def vehicle_words(logs: Logs, form: FormData, examined: Sequence[Mapping[str, Any]]) -> list[str]:
     """Give the words of ``ges vehicle`` for what a form describes.
 
     Parameters
@@ -99,7 +99,7 @@ def vehicle_words(logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]
     logs : the logs.
     form : ``source`` is ``made`` for a vehicle from the first log, with ``mass``, ``prop`` and
         ``layout``; else ``vehicle`` is a name.
-    found : answers of ``ges doctor`` about the logs.
+    examined : answers of ``ges doctor`` about the logs.
 
     Raises
     ------
@@ -108,18 +108,18 @@ def vehicle_words(logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]
     """
     if _text(form, "source") != "made":
         return ["vehicle", "--", _named(logs, form)]
-    first, *_ = chosen(form, found)
+    first, *_ = chosen(form, examined)
     return ["vehicle", *_made(form), *reading(logs), "--", first]
 
 
 def diagnose_words(
-    logs: Logs, form: FormData, found: Sequence[Mapping[str, Any]]
+    logs: Logs, form: FormData, examined: Sequence[Mapping[str, Any]]
 ) -> tuple[list[str], list[str], str]:
     """Give the options of ``ges diagnose`` that a form asks for.
 
     Parameters
     ----------
-    logs, form, found : as of :func:`vehicle_words`; ``holdout`` of the form names a flight.
+    logs, form, examined : as of :func:`vehicle_words`; ``holdout`` of the form names a flight.
 
     Returns
     -------
@@ -130,31 +130,31 @@ def diagnose_words(
     UsageError
         When a field has a wrong value, or no log is ticked.
     """
-    files = chosen(form, found)
+    files = chosen(form, examined)
     if _text(form, "source") == "made":
         words, vehicle = _made(form), "made from the log"
     else:
         vehicle = _named(logs, form)
         words = ["--vehicle", vehicle]
     # flights are called as their files without ending
-    held = _one_of(form, "holdout", ["", *(Path(name).stem for name in files)])
-    return [*words, *(["--holdout", held] if held else []), *reading(logs)], files, vehicle
+    holdout = _one_of(form, "holdout", ["", *(Path(name).stem for name in files)])
+    return [*words, *(["--holdout", holdout] if holdout else []), *reading(logs)], files, vehicle
 
 
-def chosen(form: FormData, found: Sequence[Mapping[str, Any]]) -> list[str]:
+def chosen(form: FormData, examined: Sequence[Mapping[str, Any]]) -> list[str]:
     """List the logs that are ticked and can be diagnosed.
 
     Parameters
     ----------
     form : field ``log``, once for each ticked log.
-    found : answers of ``ges doctor`` about the logs.
+    examined : answers of ``ges doctor`` about the logs.
 
     Raises
     ------
     UsageError
         When there is none.
     """
-    usable = [f["name"] for f in found if f["usable"]]
+    usable = [f["name"] for f in examined if f["usable"]]
     ticked = [name for name in usable if name in form.getlist("log")]
     if not ticked:
         raise UsageError(

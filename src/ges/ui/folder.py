@@ -133,9 +133,9 @@ class Logs(Kept):
                 shutil.copyfileobj(content, file)
         except OSError as error:
             raise GesError(f"cannot write {self.files / free}: {error.strerror}") from None
-        self.forget_answer()
+        self.forget_examined()
 
-    def answer(self) -> list[dict[str, Any]] | None:
+    def examined(self) -> list[dict[str, Any]] | None:
         """Read what ``ges doctor`` said of the files.
 
         Returns
@@ -145,16 +145,16 @@ class Logs(Kept):
         """
         return read_kept(self.path / "doctor.json", list) or None
 
-    def keep_answer(self, found: list[dict[str, Any]]) -> None:
+    def keep_examined(self, examined: list[dict[str, Any]]) -> None:
         """Keep what ``ges doctor`` said.
 
         Parameters
         ----------
-        found : one mapping a file.
+        examined : one mapping a file.
         """
-        write_json(self.path / "doctor.json", found)
+        write_json(self.path / "doctor.json", examined)
 
-    def forget_answer(self) -> None:
+    def forget_examined(self) -> None:
         """Remove the answer of ``ges doctor``, after files or their reading changed."""
         (self.path / "doctor.json").unlink(missing_ok=True)
 

@@ -22,7 +22,7 @@ from ges.ui.folder import Diagnosed
 
 GES = (sys.executable, "-P", "-c", "from ges.cli import main; main()")
 """The command line of this installation; -P, because a log could be called ``numpy.py``."""
-LONGEST_ANSWER_S = 300.0
+LONGEST_COMMAND_S = 300.0
 """After which a verb that the page waits for is ended."""
 _STEP = re.compile(r"(.+): (\d+\.\d) s")
 
@@ -46,10 +46,10 @@ class Ended:
         """One sentence on what went wrong, as the command wrote it."""
         lines = [line for line in self.err.splitlines() if line.strip()]
         # what GES and click say on purpose; the last line of a traceback where neither spoke
-        said = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
-        said += [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
-        if said:
-            return said[-1]
+        errors = [line.removeprefix("ges: ") for line in lines if line.startswith("ges: ")]
+        errors += [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
+        if errors:
+            return errors[-1]
         last = lines[-1] if lines else f"exit code {self.code}"
         return f"an internal error of GES, which is worth a report: {last}"
 
@@ -90,13 +90,13 @@ async def ask(words: Sequence[str], cwd: Path) -> Ended:
 
     Returns
     -------
-    What it wrote; after :data:`LONGEST_ANSWER_S` it is killed, with status 1.
+    What it wrote; after :data:`LONGEST_COMMAND_S` it is killed, with status 1.
     """
     process = await _start(words, cwd)
     try:
-        out, err = await asyncio.wait_for(process.communicate(), LONGEST_ANSWER_S)
+        out, err = await asyncio.wait_for(process.communicate(), LONGEST_COMMAND_S)
     except TimeoutError:
-        return Ended(1, "", f"ges: no answer after {LONGEST_ANSWER_S:.0f} s; cut the log shorter")
+        return Ended(1, "", f"ges: no answer after {LONGEST_COMMAND_S:.0f} s; cut the log shorter")
     finally:
         await _end(process)
     return Ended(
@@ -128,25 +128,25 @@ class Job:
         """Whether the diagnosis has ended, in whatever way."""
         return self.state not in ("waiting", "running")
 
-    async def follow(self, known: int = 0) -> AsyncIterator[tuple[int, dict[str, Any]]]:
+    async def follow(self, first: int = 0) -> AsyncIterator[tuple[int, dict[str, Any]]]:
         """Wait for steps as they end.
 
         Parameters
         ----------
-        known : number of the first step to give, from 0.
+        first : number of the first step to give, from 0.
 
         Yields
         ------
         Number and content of each step, until the diagnosis is over.
         """
         while True:
-            for number in range(known, len(self.steps)):
+            for number in range(first, len(self.steps)):
                 yield number, self.steps[number]
-            known = max(known, len(self.steps))
+            first = max(first, len(self.steps))
             if self.over:
                 return
             async with self.news:
-                while len(self.steps) <= known and not self.over:
+                while len(self.steps) <= first and not self.over:
                     await self.news.wait()
 
 
@@ -229,7 +229,7 @@ class Jobs:
                     async with job.news:
                         job.steps.append({"what": step[1], "seconds": float(step[2])})
                         job.news.notify_all()
-            said = (await out).decode(errors="replace")
-            return Ended(await process.wait(), said, "\n".join(lines))
+            output = (await out).decode(errors="replace")
+            return Ended(await process.wait(), output, "\n".join(lines))
         finally:
             await _end(process)

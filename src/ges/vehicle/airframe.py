@@ -209,13 +209,13 @@ def _ardupilot_layout(parameters: Mapping[str, float]) -> str:
         what = layouts.NO_MULTIROTORS.get(group, f"FRAME_CLASS {group}")
         raise GesError(f"the log is of a {what}; ges simulates multirotors")
     key = "FRAME_TYPE" if "FRAME_TYPE" in parameters else "FRAME"
-    number, known = int(number_of(parameters, key, None)), layouts.ARDUPILOT[group]
-    if number not in known:
+    number, listed = int(number_of(parameters, key, None)), layouts.ARDUPILOT[group]
+    if number not in listed:
         raise UsageError(
-            f"{key} {number} is not one of {sorted(known)} of FRAME_CLASS {group}, whose motors all"
-            " point up; give --frame"
+            f"{key} {number} is not one of {sorted(listed)} of FRAME_CLASS {group}, whose motors"
+            " all point up; give --frame"
         )
-    return known[number]
+    return listed[number]
 
 
 def _px4(
@@ -240,13 +240,13 @@ def _px4(
 
 def _px4_airframe(parameters: Mapping[str, float]) -> str:
     number = int(number_of(parameters, "SYS_AUTOSTART", None))
-    known = layouts.PX4_AIRFRAMES
-    if not any(number in numbers for numbers in PX4_QUADS) and number not in known:
+    listed = layouts.PX4_AIRFRAMES
+    if not any(number in numbers for numbers in PX4_QUADS) and number not in listed:
         raise UsageError(
             f"airframe {number} (SYS_AUTOSTART) is not known to be a multirotor; give --frame, as"
             " in --frame x, if it is one"
         )
-    return known.get(number, "x")
+    return listed.get(number, "x")
 
 
 def _control_allocation(

@@ -162,13 +162,13 @@ def _lift(bins: pd.DataFrame, up: np.ndarray | None) -> np.ndarray:
 def _flying(ratio: np.ndarray) -> np.ndarray:
     """Select bins whose lift over drive is that of flight, not of standing with idling rotors."""
     # lift over drive is about one number in flight, and far more where the ground carries
-    known = np.isfinite(ratio) & (ratio > 0)
-    if known.sum() < FEWEST_BINS:
-        return known
+    finite = np.isfinite(ratio) & (ratio > 0)
+    if finite.sum() < FEWEST_BINS:
+        return finite
     # a log may stand longer than it flies: the median settles among those near a low start
-    centre = float(np.quantile(ratio[known], 0.25))
+    centre = float(np.quantile(ratio[finite], 0.25))
     for _ in range(5):
-        near = known & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
+        near = finite & (ratio < ON_GROUND * centre) & (ratio > centre / ON_GROUND)
         if not near.any():
             break
         centre = float(np.median(ratio[near]))
@@ -360,11 +360,11 @@ def _steady_response(
         fit = least_squares(
             misfit, start, args=(scale,), bounds=([0.1, -0.5], [10.0, 1.0]), loss="soft_l1"
         )
-        left = misfit(fit.x, 1.0)[:-1]
+        residuals = misfit(fit.x, 1.0)[:-1]
         # Errors of one rotor hold for seconds, so that a tenth of the samples count as independent.
-        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(left**2))), 1e-3 * usual)
+        scale = np.sqrt(10.0) * max(float(np.sqrt(np.mean(residuals**2))), 1e-3 * usual)
         start = fit.x
-    r2 = 1.0 - float(np.var(left) / np.var(w))
+    r2 = 1.0 - float(np.var(residuals) / np.var(w))
     if not r2 > LEAST_R2:
         return None
     # (J' J)^-1, as the rows are in units of their standard deviation

@@ -40,7 +40,7 @@ TAIL_SERVO = (
 SURELY = 0.9
 
 
-class Stream(Protocol):
+class ReadableStream(Protocol):
     """What :func:`describe_log` reads of a stream: where it comes from."""
 
     @property
@@ -48,8 +48,8 @@ class Stream(Protocol):
         """Topic, message or event of the log."""
 
 
-class Log(Protocol):
-    """What :func:`describe_log` reads of a log; see :class:`ges.recordings.readers.Log`."""
+class ReadableLog(Protocol):
+    """What :func:`describe_log` reads of a log; see :class:`ges.recordings.readers.ReadableLog`."""
 
     @property
     def name(self) -> str:
@@ -68,7 +68,7 @@ class Log(Protocol):
         """The autopilot's own parameters, as logged."""
 
     @property
-    def streams(self) -> Mapping[str, Stream]:
+    def streams(self) -> Mapping[str, ReadableStream]:
         """Streams by name."""
 
     def frame(self) -> pd.DataFrame:
@@ -76,7 +76,7 @@ class Log(Protocol):
 
 
 def describe_log(
-    log: Log,
+    log: ReadableLog,
     mass_kg: float,
     prop: Propeller,
     *,
@@ -127,15 +127,15 @@ def describe_log(
     rotors = _airframe(log, prop, layout, wheelbase_m, seen, rotors_in(frame))
     curve, curve_source = _curve(log, prop, frame)
     # speeds beside commands show the curve of this very drive; what was known before is the prior
-    answers = response(frame, curve)
-    if answers:
-        curve = answers.c
+    measured = response(frame, curve)
+    if measured:
+        curve = measured.c
         curve_source = (
-            f"Fitted to the telemetry's rotor speeds at commands of {answers.span[0]:.2f} to"
-            f" {answers.span[1]:.2f} (R2 {answers.r2:.2f}). Before it: {curve_source}"
+            f"Fitted to the telemetry's rotor speeds at commands of {measured.span[0]:.2f} to"
+            f" {measured.span[1]:.2f} (R2 {measured.r2:.2f}). Before it: {curve_source}"
         )
     flown = hover(frame, mass_kg, curve.value, prop.radius_m)
-    thrust, thrust_sources, doubts = _thrust(flown, answers, prop, mass_kg)
+    thrust, thrust_sources, size_remarks = _thrust(flown, measured, prop, mass_kg)
     # torque follows from the thrust of this flight, not from that of usual propellers
     coefficient = Quantity.model_validate(thrust["thrust_coefficient_N_s2"]).value
     unlogged, unlogged_sources = _unlogged(
@@ -143,10 +143,10 @@ def describe_log(
         rotors.arm_m,
         coefficient,
         prop,
-        answers.lag_s if answers else None,
+        measured.lag_s if measured else None,
         log.format == "crazyflie",
     )
-    remarks = (*rotors.remarks, *doubts)
+    remarks = (*rotors.remarks, *size_remarks)
     if rotors.yaw_by_servo:
         unlogged.pop("torque_coefficient_Nm_s2")
         remarks = (TAIL_SERVO, *remarks)
@@ -176,7 +176,7 @@ def describe_log(
 
 
 def _airframe(
-    log: Log,
+    log: ReadableLog,
     prop: Propeller,
     layout: str | None,
     wheelbase_m: float | None,
@@ -190,30 +190,30 @@ def _airframe(
     UsageError
         When the flight contradicts their order or spins.
     """
-    known = of_rotors(count)
+    layouts = of_rotors(count)
     if layout is not None:
-        found = airframe.from_layout(layout, prop, wheelbase_m)
+        built = airframe.from_layout(layout, prop, wheelbase_m)
     # older headers do not say which way the motors turn; yaw shows it
     elif log.format == "betaflight" and "yaw_motors_reversed" not in log.parameters:
-        found = airframe.from_layout(_propellers_out(seen, prop), prop, wheelbase_m)
+        built = airframe.from_layout(_propellers_out(seen, prop), prop, wheelbase_m)
     elif log.format in ("px4", "ardupilot", "betaflight", "crazyflie"):
-        found = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
+        built = airframe.from_parameters(log.format, log.parameters, prop, wheelbase_m)
     else:
-        found = airframe.from_layout(_layout_flown(seen, prop, known), prop, wheelbase_m)
-    if len(found.rotors) != count:
+        built = airframe.from_layout(_layout_flown(seen, prop, layouts), prop, wheelbase_m)
+    if len(built.rotors) != count:
         raise UsageError(
-            f"the log has commands or speeds of {count} motors, its frame {len(found.rotors)}; give"
-            f" --frame, one of {', '.join(known) or 'none that is known'}"
+            f"the log has commands or speeds of {count} motors, its frame {len(built.rotors)}; give"
+            f" --frame, one of {', '.join(layouts) or 'none that is known'}"
         )
     # a wrong order makes every moment wrong and no force: nothing later would show it
-    if seen and (against := seen.contradicted(found.rotors)):
-        fits = [n for n in known if _fits(n, seen, prop)]
-        hint = f"it fits --frame {fits[0]}" if fits else f"layouts are {', '.join(known)}"
+    if seen and (against := seen.contradicted(built.rotors)):
+        fits = [n for n in layouts if _fits(n, seen, prop)]
+        hint = f"it fits --frame {fits[0]}" if fits else f"layouts are {', '.join(layouts)}"
         raise UsageError(
             f"the flight contradicts the order or spins of the motors in {_listed(against)}:"
             f" the vehicle turns otherwise than its commands would turn it; {hint}"
         )
-    return found
+    return built
 
 
 def _listed(words: list[str]) -> str:
@@ -233,19 +233,19 @@ def _propellers_out(seen: Turning | None, prop: Propeller) -> str:
     return other if against == ["yaw"] else usual
 
 
-def _layout_flown(seen: Turning | None, prop: Propeller, known: Sequence[str]) -> str:
+def _layout_flown(seen: Turning | None, prop: Propeller, layouts: Sequence[str]) -> str:
     """Find the one layout that the flight itself shows."""
-    fits = [name for name in known if seen and _fits(name, seen, prop)]
+    fits = [name for name in layouts if seen and _fits(name, seen, prop)]
     if len(fits) != 1:
         raise UsageError(
             "the log does not say how the motors are arranged and the flight does not show it"
-            f" clearly; give --frame, one of {', '.join(known) or 'none that is known'}"
+            f" clearly; give --frame, one of {', '.join(layouts) or 'none that is known'}"
         )
     return fits[0]
 
 
-def _rotors_source(found: Airframe, seen: Turning | None) -> str:
-    confirmed = seen.confirmed(found.rotors) if seen else []
+def _rotors_source(built: Airframe, seen: Turning | None) -> str:
+    confirmed = seen.confirmed(built.rotors) if seen else []
     checked = (
         f"The flight bears that out in {_listed(confirmed)}."
         if confirmed
@@ -253,12 +253,12 @@ def _rotors_source(found: Airframe, seen: Turning | None) -> str:
         " steered."
     )
     return (
-        f"{found.source} {checked} Radius as given. How high the rotors lie over the centre of mass"
+        f"{built.source} {checked} Radius as given. How high the rotors lie over the centre of mass"
         " no log tells."
     )
 
 
-def _curve(log: Log, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, str]:
+def _curve(log: ReadableLog, prop: Propeller, frame: pd.DataFrame) -> tuple[Quantity, str]:
     """Give the linear share of thrust over command before the flight is used, and its source."""
     source = log.streams["command"].source if "command" in log.streams else ""
     common = propeller.thrust_curve(prop)
@@ -312,7 +312,7 @@ def _ardupilot_curve(parameters: Mapping[str, float], frame: pd.DataFrame) -> tu
 
 
 def _thrust(
-    flown: Hover, answers: Response | None, prop: Propeller, mass_kg: float
+    flown: Hover, measured: Response | None, prop: Propeller, mass_kg: float
 ) -> tuple[dict, dict[str, str], tuple[str, ...]]:
     """Give thrust coefficient and top speed, their sources, and what looks wrong with them."""
     weight_N = mass_kg * GRAVITY_M_S2
@@ -333,18 +333,18 @@ def _thrust(
             f" of {prop} usually have {usual.value:.2g}, to {propeller.CT_SD_REL:.0%}."
         )
     }
-    if answers:
-        top = answers.top_speed_rad_s
+    if measured:
+        top = measured.top_speed_rad_s
         ratio = flown.n_rotors * thrust.value * top.value**2 / weight_N
         content["max_rotor_speed_rad_s"] = top.plain()
         sources["max_rotor_speed_rad_s"] = (
             "Speed at full command, from the telemetry's speeds at commands of"
-            f" {answers.span[0]:.2f} to {answers.span[1]:.2f}. Thrust to weight: {ratio:.2g}."
+            f" {measured.span[0]:.2f} to {measured.span[1]:.2f}. Thrust to weight: {ratio:.2g}."
         )
-    return content, sources, _size_doubt(thrust.value / usual.value, prop)
+    return content, sources, _check_size(thrust.value / usual.value, prop)
 
 
-def _size_doubt(ratio: float, prop: Propeller) -> tuple[str, ...]:
+def _check_size(ratio: float, prop: Propeller) -> tuple[str, ...]:
     """Say what a thrust coefficient far from that of the propeller's size suggests."""
     if 1.0 / UNLIKELY < ratio < UNLIKELY:
         return ()
@@ -361,7 +361,7 @@ def _thrust_commanded(
 ) -> tuple[dict, dict[str, str], tuple[str, ...]]:
     """Give coefficient and top speed where commands alone were logged, which show their product."""
     largest = flown.thrust_per_drive
-    # only k w_max^2 acts: the coefficient takes its doubt, the speed that of the factors
+    # only k w_max^2 acts: the coefficient takes its sd, the speed that of the factors
     top = math.sqrt(largest.value / usual.value)
     ratio = flown.n_rotors * largest.value / weight_N
     content = {
@@ -373,7 +373,7 @@ def _thrust_commanded(
     sources = {
         "thrust_coefficient_N_s2": (
             f"What propellers of {prop} usually have. No rotor speed was logged: with commands"
-            " alone only coefficient times top speed squared acts, and the doubt here is that of"
+            " alone only coefficient times top speed squared acts, and the sd here is that of"
             " this product."
         ),
         "max_rotor_speed_rad_s": (
@@ -405,8 +405,9 @@ def _unlogged(
     }
     sources = {
         "inertia_kg_m2": (
-            f"Not in the log: {scaling.ACROSS:g}, {scaling.ACROSS:g} and {scaling.ALONG:g} of mass"
-            f" times squared arm, as published quadrotors have to {scaling.INERTIA_SD_REL:.0%}."
+            f"Not in the log: {scaling.ABOUT_X_Y:g}, {scaling.ABOUT_X_Y:g} and {scaling.ABOUT_Z:g}"
+            " of mass times squared arm, as published quadrotors have to"
+            f" {scaling.INERTIA_SD_REL:.0%}."
         ),
         "torque_coefficient_Nm_s2": (
             f"Not in the log: {scaling.TORQUE:g} of thrust times diameter, as published rotors have"

@@ -350,13 +350,13 @@ def _of_settings(name: str, text: str) -> MotorLayout:
 
 def _of_mixer(name: str, mixers: Sequence[str]) -> MotorLayout:
     if not mixers or mixers[-1] not in BETAFLIGHT:
-        said = f"mixer {mixers[-1]}" if mixers else "no line 'mmix' and no line 'mixer'"
+        source = f"mixer {mixers[-1]}" if mixers else "no line 'mmix' and no line 'mixer'"
         raise GesError(
-            f"{name} has {said}; --frame takes a file with mmix lines (diff all), a mixer of"
+            f"{name} has {source}; --frame takes a file with mmix lines (diff all), a mixer of"
             f" {', '.join(BETAFLIGHT)}, or a name, as in --frame x"
         )
-    found = layout_of(BETAFLIGHT[mixers[-1]])
-    return dataclasses.replace(found, source=f"Motor order and spins of {mixers[-1]} in {name}")
+    layout = layout_of(BETAFLIGHT[mixers[-1]])
+    return dataclasses.replace(layout, source=f"Motor order and spins of {mixers[-1]} in {name}")
 
 
 def _of_mix(name: str, weights: Sequence[Sequence[float]]) -> MotorLayout:

@@ -13,7 +13,7 @@ from ges.vehicle.file import Inertia, Quantity
 # y and about z, of eight published models: Crazyflie 2.1 0.25 to 0.33 and 0.44 to 0.51, its
 # brushless sister 0.23 and 0.45, Hummingbird 0.25 and 0.49, Gazebo's x500 0.19 and 0.35, its iris
 # 0.32 and 0.60, PX4 SIH 0.31 and 0.38.
-ACROSS, ALONG = 0.26, 0.44
+ABOUT_X_Y, ABOUT_Z = 0.26, 0.44
 INERTIA_SD_REL = 0.25
 # Reaction torque over thrust and diameter: Hummingbird 0.12, Crazyflie 2.1 0.15, its brushless
 # sister 0.11 (drone-models), Gazebo's x500 0.06.
@@ -43,9 +43,9 @@ def inertia(mass_kg: float, arm_m: float) -> Inertia:
     -------
     0.26, 0.26 and 0.44 m L^2 about x, y and z, to 25 %: the spread of eight published vehicles.
     """
-    across = ACROSS * mass_kg * arm_m**2
-    along = ALONG * mass_kg * arm_m**2
-    return Inertia(xx=across, yy=across, zz=along, sd_rel=INERTIA_SD_REL)
+    about_x_y = ABOUT_X_Y * mass_kg * arm_m**2
+    about_z = ABOUT_Z * mass_kg * arm_m**2
+    return Inertia(xx=about_x_y, yy=about_x_y, zz=about_z, sd_rel=INERTIA_SD_REL)
 
 
 def torque_coefficient(thrust_coefficient_N_s2: float, diameter_m: float) -> Quantity:

@@ -20,7 +20,7 @@ AXES = ("roll", "pitch", "yaw")
 # The gains are read where they explain a tenth of an axis; in between nothing is concluded.
 LEAST_R2 = 0.12
 AGREES, CONTRADICTS = 0.7, 0.3
-FINEST_STEP_S, LONGEST_LAG_S, HELD_S = 0.02, 0.12, 0.3
+FINEST_STEP_S, LONGEST_LAG_S, LONGEST_HOLD_S = 0.02, 0.12, 0.3
 FEWEST_ROWS = 200
 
 
@@ -122,7 +122,7 @@ def turning(frame: pd.DataFrame) -> Turning | None:
         return None
     rows = frame[["t_s", *drives, *BODY_RATE]].copy()
     # a set-point is in force until the next one
-    rows[list(drives)] = rows[list(drives)].ffill(limit=_rows(frame, HELD_S))
+    rows[list(drives)] = rows[list(drives)].ffill(limit=_rows(frame, LONGEST_HOLD_S))
     rows = rows.dropna()
     if len(rows) < FEWEST_ROWS:
         return None

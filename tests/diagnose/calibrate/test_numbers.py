@@ -183,7 +183,7 @@ def test_what_commands_alone_tell_is_one_number():
 def test_a_correction_that_is_beyond_by_noise_is_at_its_bound(value, flown):
     assert module._within_flown_bounds("inertia.xx", value, 0.01, MODEL) == pytest.approx(flown)
     assert module._within_flown_bounds("esc_delay.delay_s", -0.05, 1e-3, MODEL) == 0.0, (
-        "no declared number"
+        "no nominal parameter"
     )
 
 
@@ -226,7 +226,7 @@ def test_a_number_far_from_its_declared_doubt_is_said_and_trims_are_not():
     far = module._moved_warnings(
         {"inertia.xx": _number(0.4), "inertia.yy": _number(0.1), LOSSES[0]: _number(0.4)}
     )
-    assert len(far) == 1 and far[0].startswith("inertia.xx moved by 0.4, 8.0 times its declared sd")
+    assert len(far) == 1 and far[0].startswith("inertia.xx moved by 0.4, 8.0 times its prior sd")
     low, high = _number(0.1, 0.02).ci95
     assert (low, high) == pytest.approx((0.1 - 0.0196, 0.1 + 0.0196))
 

@@ -15,7 +15,7 @@ def test_a_law_moves_no_more_within_flights_than_what_was_left(times, overdone, 
     rng = np.random.default_rng(0)
     left = [rng.standard_normal((40, 2)) for _ in range(3)]
     left[0][:5] = np.nan
-    most = times / settings.statistics.large_part
+    most = times / settings.decide.law_cover
     added = [most * (row - np.nanmean(row, axis=0)) + 50.0 for row in left]
     monkeypatch.setattr(laws, "_law_contribution", lambda channel, fitted, answer: added)
     system = SimpleNamespace(main=("force_x", "acc_z"))

@@ -23,7 +23,7 @@ from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Considered, Decision, Record
+from ges.diagnose.types.decision import Considered, Decision, DecisionLog
 from ges.diagnose.types.model import SPEED
 
 from ..synthetic import MODEL, nuisance, rows_of, system_of
@@ -40,14 +40,14 @@ def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
     )
 
 
-DOUBTS = {"inertia.yy": 0.1, "cg_offset.x_m": 0.002, SPEED: 10.0}
+PRIOR_SDS = {"inertia.yy": 0.1, "cg_offset.x_m": 0.002, SPEED: 10.0}
 
 
 def _declared(common, but=(), acting=1.0):
     keys = ("inertia.yy", "cg_offset.x_m", SPEED)
-    columns = [nuisance(k, DOUBTS[k]) for k in keys]
+    columns = [nuisance(k, PRIOR_SDS[k]) for k in keys]
     rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
-    model = dataclasses.replace(MODEL, prior_sds=DOUBTS)
+    model = dataclasses.replace(MODEL, prior_sds=PRIOR_SDS)
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
     return contradicted_parameters(joint, system_of(("force_z",), columns, [rows], model), but)
 
@@ -148,7 +148,7 @@ def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
         seen.append(("never", context.passing))
         return Decision("never", False, "")
 
-    record = Record()
+    record = DecisionLog()
     context = RuleContext(None, None, ())
     assert apply_rules((short, never), context, ("wind", "tether"), record) == ()
     assert seen == [("short", ("wind", "tether"))] * 2 + [("never", ("wind",))]
@@ -157,7 +157,7 @@ def test_each_rule_sees_those_alone_that_passed_the_ones_before_it():
 
 
 def test_a_record_keeps_the_last_word_of_each_rule_in_its_order():
-    record = Record()
+    record = DecisionLog()
     for rule, passed in (("a", True), ("b", True), ("a", False)):
         record.note("wind", Decision(rule, passed, "x", 1.0, 2.0))
     assert [(d.rule, d.passed) for d in record.of("wind")] == [("b", True), ("a", False)]

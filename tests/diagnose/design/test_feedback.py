@@ -68,7 +68,7 @@ def test_strong_instruments_vouch_for_what_they_explain():
 @pytest.mark.parametrize("above", [-0.01, 0.01])
 def test_weak_instruments_vouch_for_nothing(above):
     known, names = np.sin(0.5 * T), ("moment_y",)
-    strong = settings.statistics.large_part + above
+    strong = settings.design.instrument_strength_least + above
     told = _told(names, strong, known[:, None])
     (part,) = _endogenous(("motor_lag.up_s",), names, [known], told).values()
     assert (np.abs(part["motor_lag.up_s"]).max() < 1e-9) == (above > 0.0)
@@ -135,7 +135,7 @@ def test_new_parts_replace_known_ones_and_a_cushion_that_is_on_keeps_none_of_ano
 
 
 def test_strengths_are_means_over_the_flights_that_heard_a_channel():
-    least = settings.statistics.large_part
+    least = settings.design.instrument_strength_least
     one = FlightInstruments({}, {}, {"force_z": least + 0.2, "moment_x": 0.1})
     two = FlightInstruments({}, {}, {"force_z": least - 0.2})
     told = {

@@ -126,7 +126,7 @@ def test_channels_in_common_keep_the_order_of_the_fullest_log():
     assert common_channels([few], MODEL)[-1] == "moment_z"
 
 
-def test_declared_doubts_are_free_and_undeclared_numbers_are_not():
+def test_stated_sds_are_free_and_unstated_numbers_are_not():
     names, flights = common_channels([hovering()], MODEL), [hovering()]
     usual = {f"{n.effect}.{n.parameter}": n for n in nuisances(MODEL, names, flights)}
     assert "inertia.xx" not in usual and SPEED not in usual
@@ -180,15 +180,15 @@ def test_what_was_not_logged_frees_no_number_that_only_it_shows():
 def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late():
     names = common_channels([hovering()], MODEL)
 
-    def doubt(flight):
+    def prior_sd(flight):
         (found,) = (n for n in nuisances(MODEL, names, [flight]) if n.effect == "esc_delay")
         return found.sd
 
-    own = effect_table.get("esc_delay").parameter("delay_s").doubt.sd
+    own = effect_table.get("esc_delay").parameter("delay_s").prior.sd
     pole = settings.design.second_pole_share * MODEL.number("motor_time_constant_s")
-    assert doubt(hovering()) == pytest.approx(np.hypot(own, pole))
+    assert prior_sd(hovering()) == pytest.approx(np.hypot(own, pole))
     held = hovering().replace(command_hold=CommandHold(0.5, 0.4))
-    assert doubt(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
+    assert prior_sd(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
 
 
 def test_windows_are_as_long_as_the_slowest_stream_asks():

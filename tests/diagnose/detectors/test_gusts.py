@@ -108,7 +108,7 @@ def test_a_strength_is_known_by_a_factor():
 def test_what_hangs_below_may_lean_to_push_by_a_share_of_its_pull():
     system = system_of(("force_x", "force_y", "force_z"), (), ())
     pull = [np.tile([0.0, 0.6, 0.8], (10, 1))]
-    share = settings.statistics.large_part
+    share = settings.detect.leaning_share
     assert load_may_push(0.9 * share, {"slung_load": pull}, system)
     assert not load_may_push(1.1 * share, {"slung_load": pull}, system)
     assert not load_may_push(0.1, {"rotor_drag": pull}, system), "it does not hang"

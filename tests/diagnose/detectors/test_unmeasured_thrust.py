@@ -14,7 +14,7 @@ from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate
+from ges.diagnose.types.finding import FittedParameter
 from ges.diagnose.types.model import SPEED
 
 from ..synthetic import MODEL, hovering, nuisance, rows_of, system_of
@@ -23,8 +23,8 @@ SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
 COMMANDED = hovering(**{f"rotor_speed_{i}_rad_s": None for i in range(1, 5)})
 
 
-def _system(flight=COMMANDED, doubts=((SCALE, 0.05), (CURVE, 0.03))):
-    columns = [nuisance(key, sd) for key, sd in doubts]
+def _system(flight=COMMANDED, sds=((SCALE, 0.05), (CURVE, 0.03))):
+    columns = [nuisance(key, sd) for key, sd in sds]
     rows = rows_of(np.zeros((4, 1)), [{0: np.full(4, 5.0)} for _ in columns])
     rows = dataclasses.replace(rows, flight=flight)
     model = dataclasses.replace(MODEL, prior_sds={SCALE: 0.05})
@@ -78,7 +78,9 @@ def test_a_top_speed_is_told_as_a_share_of_it():
 
 
 def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
-    return UnmeasuredThrust(_system(), key, Estimate(value, (value, value), "1"), 0.05, rivals)
+    return UnmeasuredThrust(
+        _system(), key, FittedParameter(value, (value, value), "1"), 0.05, rivals
+    )
 
 
 def _over_weight(effects):
@@ -130,7 +132,7 @@ def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     [(0.006, {}, []), (-0.02, {}, ["time_offset"]), (0.02, {"time_offset.delay_s": 0.01}, [])],
 )
 def test_a_delay_that_clocks_usually_have_is_no_fault(delay_s, doubts, told):
-    """Usual is 3 ms; beyond doubt are four sds, as of every declared number."""
+    """Usual is 3 ms; beyond doubt are four sds, as of every nominal parameter."""
     gate = Gate((), (), (), Delay("attitude", delay_s, 0.0005, 0.99))
     assert [f.name for f in gate_findings(gate, doubts)] == told
 

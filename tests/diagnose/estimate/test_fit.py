@@ -300,7 +300,7 @@ def test_a_wind_is_as_strong_as_the_drag_that_was_found_lets_it_be():
     for found, factor in (
         (5e-5, 2.0),
         (2e-4, 0.5),
-        (1e-6, 1.0 / settings.statistics.large_part),
+        (1e-6, 1.0 / settings.estimate.prerequisite_share_least),
     ):
         told = _start([(wind, 1.5), (_variant("rotor_drag", "k_kg"), found)])
         assert told["wind"]["east_m_s"] == pytest.approx(1.5 * factor)
@@ -308,7 +308,7 @@ def test_a_wind_is_as_strong_as_the_drag_that_was_found_lets_it_be():
 
 def test_a_lag_is_not_what_a_lever_is_wrong_by():
     """A drag's small moment has its own coefficient in the fit; the vehicle then flies with the
-    lever that it has, and of what that leaves trims take what they can, and declared numbers none.
+    lever that it has. Of the rest trims take what they can, and nominal parameters none.
     """
     rng = np.random.default_rng(8)
     lag, trim = nuisance("motor_lag.up_s", 0.5), nuisance("weak_rotor.loss_1", 0.5)

@@ -1,4 +1,4 @@
-"""Where the declared numbers are so far off that one linear step does not do."""
+"""Where the nominal parameters are so far off that one linear step does not do."""
 
 import dataclasses
 
@@ -37,8 +37,8 @@ def _fly_motors(top_rad_s, bend):
 
 def _found(flight):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
-    doubts = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
-    declared = dataclasses.replace(MODEL, prior_sds=doubts)
+    sds = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
+    declared = dataclasses.replace(MODEL, prior_sds=sds)
     system = build([flight], declared, [])
     assert system.main == ("drive_1", "drive_2", "drive_3", "drive_4")
     return operating_point(*null_fit(system), declared)
@@ -58,8 +58,8 @@ def _drive_form_error(flight):
     """The same question to a vehicle whose curve may not bend as far as the flight's."""
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     model = MODEL.with_effects({"thrust_curve": {"c": 0.95}})
-    doubts = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
-    return [flight], dataclasses.replace(model, prior_sds=doubts)
+    sds = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
+    return [flight], dataclasses.replace(model, prior_sds=sds)
 
 
 def test_no_number_is_moved_beyond_the_bounds_of_the_library():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ges.conventions import command
-from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import FlightEnvelope, flight_envelope
 from ges.diagnose.library.grids import library, out_of_reach
+from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 from ges.simulator.terrain import Terrain

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from ges.conventions import BODY_RATE, VELOCITY, command, rotor_speed
 from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, channels, drive
-from ges.diagnose.prepare.cut import cut
 from ges.diagnose.prepare.gate import (
     Gate,
     with_flown_voltage,
@@ -19,7 +18,7 @@ from ges.diagnose.prepare.gate import (
 )
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.prepare.problem import Problem
-from ges.diagnose.prepare.split import digest, split
+from ges.diagnose.prepare.split import cut, digest, split
 from ges.errors import GesError
 from ges.vehicle.file import Estimate
 

@@ -56,7 +56,6 @@ def test_the_odds_to_be_expected_grow_with_what_a_rival_leaves():
     own = [h.posterior.columns[0]]
     whole = regression.pool().xx[own[0], own[0]] * h.posterior.mean[0] ** 2
     assert place.expected_log_odds == pytest.approx(0.5 * whole * np.sin(angle) ** 2, rel=0.3)
-    assert place.values["weak_rotor.loss_2"] == pytest.approx(h.posterior.mean[0], rel=0.01)
     assert place.expected_log_odds < settings.statistics.acceptance_log_odds
 
 

@@ -204,7 +204,7 @@ def test_a_prior_is_no_wider_than_half_of_the_room_nor_than_what_is_plausible():
     declared = make_regression(_system([y], [amplitude("inertia.xx")], [{0: np.full(200, 1e3)}]))
     assert declared.prior.sd[0] == pytest.approx(
         effect_table.get("inertia").parameter("xx").plausible
-    ), "a declared number is as wrong as such numbers are, however well the flights show it"
+    ), "a nominal parameter is as wrong as such numbers are, however well the flights show it"
 
 
 def test_a_level_stands_within_a_factor_of_itself_and_bounds_leave_what_is_left():

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from ges.blind.foreign import drone_models
 from ges.blind.foreign.drone_models import RPM, DroneModelsDesign, airframe
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
+from ges.blind.foreign.sets import Concealed, OffPath, Place, Sources, draw_log, write_flown
 from ges.blind.generator.detectable import TrueFlight
 
 WORLD = "crazyflow"
@@ -28,7 +28,7 @@ DRONES = {
 }
 SECONDS, RATE_HZ, STATE_HZ = 14.0, 500, 100
 SPEED_M_S, SMOOTH_S = 1.0, 0.4
-LOST_M = 3.0
+OFF_PATH_M = 3.0
 WEAK = 2
 METHOD = "force along the path, crazyflow's own accelerations with and without each effect"
 
@@ -74,9 +74,9 @@ NAMES = drone_models.NAMES | {"weak": "weak_rotor"}
 def designs(half: str) -> list[CrazyflowDesign]:
     """Return the sets of a half; one drone is in both, small sizes differ."""
     small = {"development": 0.3, "evaluation": 0.4}[half]
-    found = [CrazyflowDesign(d, copy=k) for d in DRONES[half] for k in range(2)]
+    listed = [CrazyflowDesign(d, copy=k) for d in DRONES[half] for k in range(2)]
     for d in DRONES[half]:
-        found += [
+        listed += [
             CrazyflowDesign(d, across=1.0),
             CrazyflowDesign(d, across=small),
             CrazyflowDesign(d, along=1.0),
@@ -85,7 +85,7 @@ def designs(half: str) -> list[CrazyflowDesign]:
             CrazyflowDesign(d, across=1.0, along=1.0, propeller=1.0, linear=True),
         ]
     first, second = DRONES[half]
-    return found + [
+    return listed + [
         CrazyflowDesign(first, propeller=2.0),
         CrazyflowDesign(second, across=1.0, weak=0.1),
         CrazyflowDesign(first, wrong={"mass": 0.86}),
@@ -107,8 +107,8 @@ def make(out: Path, sets: Sequence[tuple[CrazyflowDesign, int, Place]], sources:
 
     Raises
     ------
-    Lost
-        When a drone was more than :data:`LOST_M` from its path.
+    OffPath
+        When a drone was more than :data:`OFF_PATH_M` from its path.
     """
     for drone in sorted({design.vehicle for design, _, _ in sets}):
         chosen = [one for one in sets if one[0].vehicle == drone]
@@ -128,7 +128,7 @@ def _make_of_drone(
     ]
     for craft in crafts:
         # this simulator has a top speed of its own; the file's honest error of it stays
-        craft.declared["speed"] *= top / craft.true["speed"]
+        craft.nominal["speed"] *= top / craft.true["speed"]
         craft.true["speed"] = top
     scale = Scale(0.3, crafts[0].radius_m, SPEED_M_S, SMOOTH_S)
     plans = [
@@ -234,8 +234,8 @@ def _fly(
         }
         simulator.step(1)
         rows.append(kept | {"cmd": np.asarray(simulator.data.controls.rotor_vel)[:, 0]})
-        if not np.abs(kept["pos"] - plans[:, :3, k]).max() < LOST_M:
-            raise Lost("crazyflow's controller lost a path; the path is too fast for the drone")
+        if not np.abs(kept["pos"] - plans[:, :3, k]).max() < OFF_PATH_M:
+            raise OffPath("crazyflow's controller lost a path; the path is too fast for the drone")
     return {name: np.stack([r[name] for r in rows]) for name in rows[0]}
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one, untrimmed
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight
 from ges.blind.generator.pilot import Pilot
 
@@ -28,7 +28,7 @@ RPM = 60.0 / (2.0 * np.pi)
 RADIUS_M = 0.0235
 SECONDS, STEP_S = 14.0, 0.004
 SPEED_M_S, SMOOTH_S = 1.1, 0.35
-LOST_M = 3.0
+OFF_PATH_M = 3.0
 METHOD = "force along the path, drone-models' own accelerations with and without each effect"
 
 
@@ -75,16 +75,16 @@ def designs(half: str) -> list[DroneModelsDesign]:
     """Return the sets of a half; one drone is in both, small sizes differ."""
     drones = {"development": DRONES[:2], "evaluation": DRONES[1:]}[half]
     small = {"development": 0.25, "evaluation": 0.35}[half]
-    found = [DroneModelsDesign(d, copy=k) for d in drones for k in range(2)]
+    listed = [DroneModelsDesign(d, copy=k) for d in drones for k in range(2)]
     for d in drones:
-        found += [
+        listed += [
             DroneModelsDesign(d, across=1.0),
             DroneModelsDesign(d, across=small),
             DroneModelsDesign(d, along=1.0),
             DroneModelsDesign(d, across=1.0, along=1.0),
             DroneModelsDesign(d, propeller=2.0),
         ]
-    return found + [
+    return listed + [
         DroneModelsDesign(drones[0], across=1.0, propeller=2.0),
         DroneModelsDesign(drones[1], wrong={"lag": 0.55}),
         DroneModelsDesign(drones[0], wrong={"mass": 1.13}),
@@ -159,7 +159,7 @@ def airframe(drone: str, numbers: Mapping[str, Any], rng: np.random.Generator) -
         rotor_z_m=0.0,
         spin=tuple(-int(s) for s in np.sign(mixing[2])),
         battery_V=4.1,
-        declared=declare(true, rng),
+        nominal=draw_nominal(true, rng),
         true=true,
     )
 
@@ -193,8 +193,8 @@ def _fly(
         s = s + STEP_S / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         # Runge and Kutta's sums leave the unit sphere by a little every step
         s[:, 3:7] /= np.linalg.norm(s[:, 3:7], axis=1, keepdims=True)
-        if not np.abs(s[:, :3] - ref[:3].T).max() < LOST_M:
-            raise Lost(f"'{design.key}' lost its path; the path is too fast for the drone")
+        if not np.abs(s[:, :3] - ref[:3].T).max() < OFF_PATH_M:
+            raise OffPath(f"'{design.key}' lost its path; the path is too fast for the drone")
     book = {n: np.stack([r[n] for r in rows], axis=1) for n in rows[0]}
     return [
         TrueFlight(

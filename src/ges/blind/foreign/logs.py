@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ges.blind.foreign.sets import HALVES, Concealed, Place, Sources, write_recorded
-from ges.blind.generator.airframe import DOUBTS
+from ges.blind.generator.airframe import SD_REL
 from ges.recordings.readers import Options, open_log
 from ges.vehicle.file import vehicle_content
 from ges.vehicle.load import load_vehicle
@@ -96,12 +96,12 @@ def designs(half: str) -> list[LogDesign]:
     Three of the flight in Gazebo, of which each half has its own part, and for development one of
     SIH.
     """
-    found = [
+    listed = [
         LogDesign(GAZEBO),
         LogDesign(GAZEBO, ("rotor_drag",)),
         LogDesign(GAZEBO, wrong={"mass_kg": 0.86 if half == "development" else 1.13}),
     ]
-    return found + ([LogDesign(SIH)] if half == "development" else [])
+    return listed + ([LogDesign(SIH)] if half == "development" else [])
 
 
 def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sources) -> None:
@@ -146,8 +146,8 @@ def _file(design: LogDesign) -> dict[str, Any]:
     for key, number in doubted.items():
         value = content[key]["value"] if isinstance(content[key], dict) else content[key]
         value *= design.wrong.get(key, 1.0)
-        content[key] = {"value": value, "sd": DOUBTS[number] * value}
-    content["inertia_kg_m2"]["sd_rel"] = DOUBTS["inertia"]
+        content[key] = {"value": value, "sd": SD_REL[number] * value}
+    content["inertia_kg_m2"]["sd_rel"] = SD_REL["inertia"]
     content["effects"] = {
         name: numbers for name, numbers in content["effects"].items() if name not in design.without
     }

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one, untrimmed
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.generator.pilot import Pilot
 
@@ -25,7 +25,7 @@ WORLD = "mujoco"
 NEEDS = ("mujoco",)
 SECONDS = 15.0
 STEP_S, STEPS_A_COMMAND = 0.002, 2
-LOST_M = 3.0
+OFF_PATH_M = 3.0
 GRAVITY_M_S2 = 9.81
 QUAD = ((1, -1, 0, 1), (-1, 1, 0, 1), (1, 1, 0, -1), (-1, -1, 0, -1))
 """Place (x, y over the lever, z over the radius) and spin of each rotor, seen from above,
@@ -88,19 +88,19 @@ class MujocoDesign(Design):
 
     def _effects(self) -> list[str]:
         """Return the effects that act, by the library's names."""
-        found = ["parasitic_drag"] if self.drag or self.box else []
+        names = ["parasitic_drag"] if self.drag or self.box else []
         # Stokes' drag is the same along and across the thrust, and linear
-        found += ["rotor_drag", "axial_inflow"] if self.viscosity else []
-        found += ["wind"] if self.wind_m_s else []
-        found += ["weak_rotor"] if self.weak else []
-        found += ["rotor_tilt"] if self.tilt_rad else []
-        found += ["cg_offset"] if self.shift else []
-        found += ["thrust_curve"] if self.curve != 1.0 else []
-        found += ["rotor_saturation"] if self.ceiling < 1.0 else []
-        found += ["esc_delay"] if self.delay_s else []
-        found += ["slung_load"] if self.load else []
-        found += ["tether"] if self.spring else []
-        return found
+        names += ["rotor_drag", "axial_inflow"] if self.viscosity else []
+        names += ["wind"] if self.wind_m_s else []
+        names += ["weak_rotor"] if self.weak else []
+        names += ["rotor_tilt"] if self.tilt_rad else []
+        names += ["cg_offset"] if self.shift else []
+        names += ["thrust_curve"] if self.curve != 1.0 else []
+        names += ["rotor_saturation"] if self.ceiling < 1.0 else []
+        names += ["esc_delay"] if self.delay_s else []
+        names += ["slung_load"] if self.load else []
+        names += ["tether"] if self.spring else []
+        return names
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -132,9 +132,9 @@ def designs(half: str) -> list[MujocoDesign]:
     """Return the sets of a half: the same effects in both, a quarter larger for evaluation."""
     more = {"development": 1.0, "evaluation": 1.25}[half]
     quads = [v for v in VEHICLES if v not in MORE_ROTORS]
-    found = [MujocoDesign(v, copy=k) for v in quads for k in range(3)]
+    listed = [MujocoDesign(v, copy=k) for v in quads for k in range(3)]
     for v in quads:
-        found += [
+        listed += [
             MujocoDesign(v, drag=1.5 * more),
             MujocoDesign(v, drag=4.0 * more),
             MujocoDesign(v, box=12.0 * more),
@@ -156,8 +156,8 @@ def designs(half: str) -> list[MujocoDesign]:
             MujocoDesign(v, tilt_rad=0.002 * more),
         ]
     for v in MORE_ROTORS:
-        found += [MujocoDesign(v, copy=k) for k in range(2)]
-        found += [
+        listed += [MujocoDesign(v, copy=k) for k in range(2)]
+        listed += [
             MujocoDesign(v, drag=4.0 * more),
             MujocoDesign(v, weak=0.12 * more),
             MujocoDesign(v, shift=0.04 * more),
@@ -165,7 +165,7 @@ def designs(half: str) -> list[MujocoDesign]:
             MujocoDesign(v, wrong={"mass": 1.0 - 0.12 * more}),
             MujocoDesign(v, drag=3.0 * more, weak=0.15),
         ]
-    return found + [
+    return listed + [
         MujocoDesign("x1100", spring=2.0 * more),
         MujocoDesign("x1100", wrong={"torque": 1.0 + 0.35 * more}),
         MujocoDesign("x150", wrong={"inertia": 1.0 - 0.3 * more}),
@@ -209,7 +209,7 @@ def _airframe(design: MujocoDesign, rng: np.random.Generator) -> TrueVehicle:
         0.0,
         tuple(int(s[3]) for s in frame),
         12.0,
-        declare(true, rng),
+        draw_nominal(true, rng),
         true,
         tuple(radius * k for k in z),
     )
@@ -298,8 +298,8 @@ def _fly(
         mujoco.mj_forward(model, data)
         rows.append(_row(model, data, design, craft, u, plan[:, k]))
         mujoco.mj_step(model, data)
-        if not np.abs(data.qpos[:3] - plan[:3, k]).max() < LOST_M:
-            raise Lost(
+        if not np.abs(data.qpos[:3] - plan[:3, k]).max() < OFF_PATH_M:
+            raise OffPath(
                 f"'{design.key}' lost its path {k * STEP_S:.1f} s after the start; the path is too"
                 " fast for the vehicle"
             )
@@ -367,38 +367,38 @@ def _changes(
     forces: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
     """Return what each concealed thing changed along the path."""
-    found: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     for source, names in (
         ("of_load", ("slung_load",)),
         ("of_tether", ("tether",)),
         ("of_wind", ("wind",)),
     ):
         if source in forces:
-            found[names[0]] = _wrench(forces[source])
+            changes[names[0]] = _wrench(forces[source])
     if design.drag or design.box:
-        found["parasitic_drag"] = _wrench(forces["of_fluid"])
+        changes["parasitic_drag"] = _wrench(forces["of_fluid"])
     if design.viscosity:
         across = forces["of_fluid"] * np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
-        found["rotor_drag"] = _wrench(across)
-        found["axial_inflow"] = _wrench(forces["of_fluid"] - across)
+        changes["rotor_drag"] = _wrench(across)
+        changes["axial_inflow"] = _wrench(forces["of_fluid"] - across)
     body, true = body_of(craft), craft.true
     thrust = true["thrust"] * states["rotor_speed"] ** 2
     if design.weak:
         second = np.eye(craft.n_rotors)[1]
-        found["weak_rotor"] = body.wrench(-design.weak * thrust * second)
+        changes["weak_rotor"] = body.wrench(-design.weak * thrust * second)
     if design.tilt_rad:
         # F = tilt T (1, -0.6, 0), M_z = sum x F_y - y F_x
         aside = design.tilt_rad * thrust * (1.0 - design.weak * np.eye(craft.n_rotors)[1])
         level = aside.sum(axis=1)
         yaw = aside @ (-0.6 * body.rotor_m[:, 0] - body.rotor_m[:, 1])
-        found["rotor_tilt"] = {
+        changes["rotor_tilt"] = {
             "force_N": np.stack([level, -0.6 * level, 0.0 * level], axis=1),
             "moment_Nm": np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1),
         }
     if design.shift:
         # the rotors moved by (-a, a / 2) against the centre of mass
         lever = design.shift * craft.arm_m * thrust.sum(axis=1)
-        found["cg_offset"] = {"moment_Nm": np.stack([0.5 * lever, lever, 0.0 * lever], axis=1)}
+        changes["cg_offset"] = {"moment_Nm": np.stack([0.5 * lever, lever, 0.0 * lever], axis=1)}
     drives = {
         "thrust_curve": design.curve != 1.0,
         "rotor_saturation": design.ceiling < 1.0,
@@ -407,8 +407,8 @@ def _changes(
     for name in [n for n, on in drives.items() if on]:
         # the only thing concealed in the drive: what a plain one makes of the same commands
         off = states["rotor_speed"] - _plain_speed(craft, states)
-        found[name] = driven(body, true, states["rotor_speed"], off)
-    return found
+        changes[name] = driven(body, true, states["rotor_speed"], off)
+    return changes
 
 
 def _wrench(rows: np.ndarray) -> dict[str, np.ndarray]:
@@ -416,7 +416,7 @@ def _wrench(rows: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _plain_speed(craft: TrueVehicle, states: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the rotor speeds that the declared kind of drive makes of the commands."""
+    """Return the rotor speeds that the nominal kind of drive makes of the commands."""
     from scipy.signal import lfilter
 
     # MuJoCo's exact filter of first order on the squared command, which acts one step later

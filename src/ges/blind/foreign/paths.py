@@ -110,12 +110,17 @@ def _dashes(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[
     heading, span = rng.uniform(0.0, 2.0 * np.pi), phase[-1]
     speed = scale.speed_m_s * (0.35 + 0.65 * phase / span)
     # the way is the integral of a speed that turns round every 1.5 s
-    along = np.cumsum(speed * np.sign(np.sin(2.0 * np.pi * phase / 3.0))) * np.gradient(phase)
+    distance = np.cumsum(speed * np.sign(np.sin(2.0 * np.pi * phase / 3.0))) * np.gradient(phase)
     # centred: dashes that grow do not come back to where they began
-    along -= along.mean()
+    distance -= distance.mean()
     rungs = np.array([0.3, 0.3, 8.0, 8.0]) * scale.radius_m
     high = scale.low_m + _holds(phase, rungs)
-    return along * np.cos(heading), along * np.sin(heading), high, _holds(phase, np.array([0, 0.7]))
+    return (
+        distance * np.cos(heading),
+        distance * np.sin(heading),
+        high,
+        _holds(phase, np.array([0, 0.7])),
+    )
 
 
 def _chirp(phase: np.ndarray, scale: Scale, rng: np.random.Generator) -> tuple[np.ndarray, ...]:

@@ -120,12 +120,12 @@ def crazypad_designs(half: str) -> list[RecordedDesign]:
     Healthy flights against other healthy flights, then changed ones against healthy ones of the
     same airframe and session. Conditions go to the halves in turn.
     """
-    found = []
+    listed = []
     for airframe in _of_half(sorted(HEALTHY), half):
         every = [f"normal_flight/{name}" for name in HEALTHY[airframe]]
         for pair in itertools.combinations(every, 2):
             rest = tuple(name for name in every if name not in pair)
-            found.append(RecordedDesign(rest, pair, HEALTHY_FLIGHTS, f"healthy {airframe}"))
+            listed.append(RecordedDesign(rest, pair, HEALTHY_FLIGHTS, f"healthy {airframe}"))
     for folder in _of_half(sorted(CONDITIONS), half):
         airframe, start, truth = CONDITIONS[folder]
         healthy = tuple(f"normal_flight/{name}" for name in HEALTHY[airframe])
@@ -135,12 +135,12 @@ def crazypad_designs(half: str) -> list[RecordedDesign]:
             each = [tuple(f"{ref}/E9_log0{k}" for k in range(3)) for ref in REFERENCES]
             references = [*each, each[0] + each[1]]
         logs = [f"{folder}/{airframe}_log0{start + k}" for k in range(3)]
-        found += [
+        listed += [
             RecordedDesign(reference, pair, truth, folder)
             for reference in references
             for pair in itertools.combinations(logs, 2)
         ]
-    return found
+    return listed
 
 
 def imrclab_designs(half: str) -> list[RecordedDesign]:
@@ -153,17 +153,17 @@ def imrclab_designs(half: str) -> list[RecordedDesign]:
     """
     speed = {"development": "1.0", "evaluation": "0.7"}[half]
     free = [f"free/eckart{k:02d}" for k in FREE[speed]]
-    found = [
+    listed = [
         RecordedDesign(tuple(free[:3]), tuple(free[3:]), ROTORS_ALONE, "free"),
         RecordedDesign(tuple(free[2:]), tuple(free[:2]), ROTORS_ALONE, "free"),
     ]
     for kind in (speed,) if half == "development" else (speed, "sideways"):
         loaded = [f"payload/eckart{k:02d}" for k in PAYLOAD[kind]]
-        found += [
+        listed += [
             RecordedDesign(tuple(free), tuple(part), CABLE, f"payload {kind}")
             for part in (loaded[:2], loaded[2:], loaded)
         ]
-    return found
+    return listed
 
 
 def appius_designs(half: str) -> list[RecordedDesign]:

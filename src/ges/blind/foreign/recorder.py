@@ -81,7 +81,7 @@ class _Recorder:
         rows = self.flown.state[name].T
         return np.stack([np.interp(self.t, self.clock, row) for row in rows])
 
-    def _held(self, name: str) -> np.ndarray:
+    def _hold_last(self, name: str) -> np.ndarray:
         return self.flown.state[name][_last(self.t, self.flown.step_s)].T
 
     def _white(self, width: int, sd: float) -> np.ndarray:
@@ -116,7 +116,7 @@ class _Recorder:
         return dict(zip((*BODY_RATE, *SPECIFIC_FORCE), (*rate, *felt), strict=True))
 
     def _drive(self) -> dict[str, np.ndarray]:
-        u = np.clip(self._held("u"), 0.0, 1.0)
+        u = np.clip(self._hold_last("u"), 0.0, 1.0)
         named = dict(zip(command(len(u)), u, strict=True))
         if self.log.rotor_speeds:
             # noise of a rotor speed is a share of it
@@ -127,9 +127,9 @@ class _Recorder:
     def _asked(self) -> dict[str, np.ndarray]:
         if not self.log.references:
             return {}
-        named = dict(zip(POSITION_REF, self._held("p_ref"), strict=True))
-        named |= dict(zip(VELOCITY_REF, self._held("v_ref"), strict=True))
-        return named | {"yaw_ref_rad": self._held("yaw_ref")[0]}
+        named = dict(zip(POSITION_REF, self._hold_last("p_ref"), strict=True))
+        named |= dict(zip(VELOCITY_REF, self._hold_last("v_ref"), strict=True))
+        return named | {"yaw_ref_rad": self._hold_last("yaw_ref")[0]}
 
 
 def _last(t: np.ndarray, step_s: float) -> np.ndarray:

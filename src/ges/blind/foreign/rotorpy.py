@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.sets import Concealed, Design, Lost, Place, one_by_one
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import NOTHING, TrueFlight
 
 WORLD = "rotorpy"
@@ -22,7 +22,7 @@ NEEDS = ("rotorpy",)
 FLIGHTS = 4
 SECONDS = (11.0, 15.0)
 LONGEST_STEP_S = 0.005
-LOST_M = 2.0
+OFF_PATH_M = 2.0
 ATTEMPTS, GENTLER = 6, 0.85
 PACE = {"hummingbird": 1.0, "crazyflie": 0.6, "hexarotor": 0.9}
 HEXA_ARM_M = 0.3
@@ -117,16 +117,16 @@ def designs(half: str) -> list[RotorpyDesign]:
         ("axial_inflow", "parasitic_drag"),
         ("translational_lift", "parasitic_drag"),
     ]
-    found = [RotorpyDesign(v, copy=k) for v in both for k in range(4)]
-    found += [RotorpyDesign(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
-    found += [RotorpyDesign("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
-    found += [RotorpyDesign("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
-    found += [RotorpyDesign("hummingbird", dict.fromkeys(effects[:3], 1.0))]
-    found += [RotorpyDesign(v, {"flapping": 1.0}) for v in both]
+    listed = [RotorpyDesign(v, copy=k) for v in both for k in range(4)]
+    listed += [RotorpyDesign(v, {n: size}) for v in both for n in effects for size in (1.0, small)]
+    listed += [RotorpyDesign("hummingbird", dict.fromkeys(p, 1.0)) for p in pairs]
+    listed += [RotorpyDesign("crazyflie", dict.fromkeys(pairs[k], 1.0)) for k in (0, 2)]
+    listed += [RotorpyDesign("hummingbird", dict.fromkeys(effects[:3], 1.0))]
+    listed += [RotorpyDesign(v, {"flapping": 1.0}) for v in both]
     odd = {"development": 1.0, "evaluation": 0.7}[half]
-    found += [RotorpyDesign(v, strange={n: odd}) for v in both for n in STRANGE[v]]
+    listed += [RotorpyDesign(v, strange={n: odd}) for v in both for n in STRANGE[v]]
     for vehicle, speed in zip(both, wind, strict=True):
-        found += [
+        listed += [
             RotorpyDesign(vehicle, {"rotor_drag": 1.0}, wind_m_s=speed),
             RotorpyDesign(vehicle, {"parasitic_drag": 1.0}, wind_m_s=speed),
             RotorpyDesign(vehicle, {"rotor_drag": 1.0}, gusts=("dryden", 0.4 * speed)),
@@ -140,14 +140,14 @@ def designs(half: str) -> list[RotorpyDesign]:
     wrong += [("hummingbird", {"torque": 0.65}), ("crazyflie", {"torque": 1.45})]
     wrong += [("hummingbird", {"inertia": 1.45}), ("crazyflie", {"inertia": 0.65})]
     wrong += [("hummingbird", {"lag": 8.0}), ("crazyflie", {"lag": 0.5})]
-    found += [RotorpyDesign("hexarotor", copy=k) for k in range(2)]
-    found += [RotorpyDesign("hexarotor", {n: 1.0}) for n in effects]
-    found += [
+    listed += [RotorpyDesign("hexarotor", copy=k) for k in range(2)]
+    listed += [RotorpyDesign("hexarotor", {n: 1.0}) for n in effects]
+    listed += [
         RotorpyDesign("hexarotor", {"rotor_drag": 1.0}, wind_m_s=wind[0]),
         RotorpyDesign("hexarotor", shift_m=(0.008, -0.006)),
     ]
     wrong += [("hexarotor", {"mass": 1.13}), ("hexarotor", {"torque": 0.65})]
-    return found + [RotorpyDesign(v, wrong=w) for v, w in wrong]
+    return listed + [RotorpyDesign(v, wrong=w) for v, w in wrong]
 
 
 def _fly_design(
@@ -311,7 +311,7 @@ def _airframe(
         rotor_z_m=0.0,
         spin=tuple(-int(d) for d in numbers["rotor_directions"]),
         battery_V=12.0,
-        declared=declare(true, rng),
+        nominal=draw_nominal(true, rng),
         true=true,
     )
 
@@ -337,7 +337,7 @@ def _fly_gently(
         if flown is not None:
             return flown
         pace *= GENTLER
-    raise Lost(
+    raise OffPath(
         f"trajectory {kind} of '{design.key}' was lost, or has no solution, {ATTEMPTS} times; the"
         " trajectories are too fast for the vehicle"
     )
@@ -379,8 +379,8 @@ def _trajectory(half: str, kind: int, pace: float, rng: np.random.Generator) -> 
             return MinSnap(points, turns, v_avg=speed * pace, v_max=9.0, verbose=False)
         except TypeError:
             return None
-    along, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
-    return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=along, repeat=True)
+    axis, speed = (2, 1.2) if early else (int(rng.integers(2)), 1.5)
+    return ConstantSpeed(high, dist=2.0 * speed, speed=speed * pace, axis=axis, repeat=True)
 
 
 def _air(
@@ -451,7 +451,7 @@ def _fly(
         rows.append(_row(vehicle, without, state, control, asked))
         state = _step(vehicle, state, control, step_s)
         # also true of NaN, which every comparison denies
-        if not np.abs(state["x"] - asked["x"]).max() < LOST_M:
+        if not np.abs(state["x"] - asked["x"]).max() < OFF_PATH_M:
             return None
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0] if "/" not in n}
     changes = {
@@ -473,13 +473,13 @@ def _vehicles_without(
         one.rotor_geometry = one.rotor_geometry - np.array([*shift, 0.0])
         return one
 
-    found = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
-    found |= {n: vehicle((), design.shift_m, (n,)) for n in design.strange}
+    vehicles = {n: vehicle(ON[design.vehicle][n], design.shift_m) for n in design.on}
+    vehicles |= {n: vehicle((), design.shift_m, (n,)) for n in design.strange}
     if any(design.shift_m):
-        found["cg_offset"] = vehicle((), (0.0, 0.0))
+        vehicles["cg_offset"] = vehicle((), (0.0, 0.0))
     if design.wind_m_s or design.gusts[0]:
-        found["wind" if design.wind_m_s else "gusts"] = None
-    return found
+        vehicles["wind" if design.wind_m_s else "gusts"] = None
+    return vehicles
 
 
 def _row(

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Lost, Place, Sources, draw_log, write_flown
-from ges.blind.generator.airframe import TrueVehicle, declare
+from ges.blind.foreign.sets import Concealed, OffPath, Place, Sources, draw_log, write_flown
+from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
 from ges.blind.noise import Air
 from ges.blind.second.air import TURBULENCE
@@ -30,7 +30,7 @@ from ges.blind.second.secrets import (
     LAYOUT,
     LEVELS,
     SECRETS,
-    STRANGERS,
+    UNLISTED,
     VEHICLES,
     Craft,
     true_numbers,
@@ -39,7 +39,7 @@ from ges.blind.second.secrets import (
 WORLD = "home-second-author"
 NEEDS = ()
 SECONDS = {"development": 15.0, "evaluation": 16.0}
-LOST_M = 3.0
+OFF_PATH_M = 3.0
 ATTEMPTS, GENTLER = 5, 0.8
 COMPANION = {
     "wind": "rotor_drag",
@@ -77,10 +77,10 @@ class SecondDesign:
 
     def all_names(self) -> tuple[str, ...]:
         """Return the concealed names, each after the effect that it needs to act on."""
-        found: list[str] = []
+        names: list[str] = []
         for name in self.names:
-            found += [n for n in (COMPANION.get(name), name) if n and n not in found]
-        return tuple(found)
+            names += [n for n in (COMPANION.get(name), name) if n and n not in names]
+        return tuple(names)
 
     def concealed(self) -> Concealed:
         """Return the truth of the set.
@@ -91,7 +91,7 @@ class SecondDesign:
         that no library has is ``unknown``.
         """
         severity = LEVELS[self.level]
-        if self.names and self.names[0] in STRANGERS:
+        if self.names and self.names[0] in UNLISTED:
             return Concealed(severity=severity, verdict="unknown", category="unknown")
         alone = len(self.names) == 1
         parameter = alone and self.names[0] in PARAMETERS
@@ -117,13 +117,13 @@ def designs(half: str) -> list[SecondDesign]:
     shift = {"development": 0, "evaluation": 1}[half]
     sizes = list(VEHICLES)
     physics = [n for n in SECRETS if n not in PARAMETERS]
-    found = [SecondDesign(sizes[k % 4], copy=k) for k in range(7)]
-    found += [
+    listed = [SecondDesign(sizes[k % 4], copy=k) for k in range(7)]
+    listed += [
         SecondDesign(sizes[(k + shift) % 4], (n,), (k + shift) % 3) for k, n in enumerate(physics)
     ]
-    found += [
+    listed += [
         SecondDesign(sizes[(k + 2 * shift) % 4], (n,), (k + 1 + shift) % 3)
-        for k, n in enumerate((*PARAMETERS, *STRANGERS))
+        for k, n in enumerate((*PARAMETERS, *UNLISTED))
     ]
     pairs = (
         ("rotor_drag", "weak_rotor"),
@@ -131,7 +131,9 @@ def designs(half: str) -> list[SecondDesign]:
         ("parasitic_drag", "motor_lag"),
         ("slung_load", "rotor_drag"),
     )
-    return found + [SecondDesign(sizes[(k + shift) % 4], p, 1 + shift) for k, p in enumerate(pairs)]
+    return listed + [
+        SecondDesign(sizes[(k + shift) % 4], p, 1 + shift) for k, p in enumerate(pairs)
+    ]
 
 
 def make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], sources: Sources) -> None:
@@ -147,7 +149,7 @@ def make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], sources: So
 
     Raises
     ------
-    Lost
+    OffPath
         When a vehicle was lost in all :data:`ATTEMPTS`.
     """
     waiting = list(sets)
@@ -156,7 +158,7 @@ def make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], sources: So
         if not waiting:
             return
     keys = ", ".join(f"'{design.key}'" for design, _, _ in waiting)
-    raise Lost(f"{keys} left their paths {ATTEMPTS} times, which are too fast for them")
+    raise OffPath(f"{keys} left their paths {ATTEMPTS} times, which are too fast for them")
 
 
 def _make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], gentle: float) -> list:
@@ -165,22 +167,22 @@ def _make(out: Path, sets: Sequence[tuple[SecondDesign, int, Place]], gentle: fl
     sorties = [sortie for _, flown in drawn for sortie in flown]
     book = SecondSimulation(sorties).run()
     # the changes of a name are kept for the flights that have it alone: their places among those
-    where = {n: [f for f, s in enumerate(sorties) if n in s.names] for n in SECRETS | STRANGERS}
-    lost, at = [], 0
+    where = {n: [f for f, s in enumerate(sorties) if n in s.names] for n in SECRETS | UNLISTED}
+    failed, at = [], 0
     for (craft, flown), (design, number, place) in zip(drawn, sets, strict=True):
         own = range(at, at + len(flown))
         at += len(flown)
         if not all(_flew(book["p"][:, :, f], sorties[f].plan) for f in own):
-            lost.append((design, number, place))
+            failed.append((design, number, place))
             continue
         flights = [_flown(craft, sorties[f], f, book, where) for f in own]
         log = draw_log(place, number)
         write_flown(out, place, craft, flights, log, design.concealed(), METHOD)
-    return lost
+    return failed
 
 
 def _flew(p: np.ndarray, plan: np.ndarray) -> bool:
-    return bool(np.abs(p - plan[:3].T).max() < LOST_M and p[:, 2].min() > 0.0)
+    return bool(np.abs(p - plan[:3].T).max() < OFF_PATH_M and p[:, 2].min() > 0.0)
 
 
 def _sorties(
@@ -197,11 +199,11 @@ def _sorties(
         rotor_z_m=round(0.2 * radius, 4),
         spin=spin,
         battery_V=12.6,
-        declared=declare(true, place.rng("file")),
+        nominal=draw_nominal(true, place.rng("file")),
         true=true,
     )
     rng = place.rng("secret")
-    table = SECRETS | STRANGERS
+    table = SECRETS | UNLISTED
     numbers: dict[str, float] = {}
     for name in design.names:
         numbers |= table[name](Craft(design.vehicle, true), design.level, rng)
@@ -218,7 +220,7 @@ def _sorties(
     return craft, [
         SecondSortie(
             true=true,
-            declared=craft.declared,
+            nominal=craft.nominal,
             radius_m=radius,
             rotor_m=hubs,
             spin=np.array(spin),

@@ -65,7 +65,7 @@ def check_half(half: str, seed: int) -> None:
         )
 
 
-class Lost(GesError):
+class OffPath(GesError):
     """A vehicle left its path however gently it was flown: there is no such set."""
 
 
@@ -255,8 +255,8 @@ class Design:
     def _parts(self) -> list[str]:
         """Return the fields that differ from their defaults, in words."""
         own = (f for f in fields(self) if f.name not in ("vehicle", "wrong", "copy"))
-        found = [(f, getattr(self, f.name)) for f in own if getattr(self, f.name) != f.default]
-        return [f.metadata.get("words") or f"{f.name} {value:g}" for f, value in found]
+        changed = [(f, getattr(self, f.name)) for f in own if getattr(self, f.name) != f.default]
+        return [f.metadata.get("words") or f"{f.name} {value:g}" for f, value in changed]
 
     def _concealed(self, effects: Iterable[str], severity: str, **more: Any) -> Concealed:
         """Return the truth: effects that act, and what the file is wrong about."""
@@ -275,7 +275,7 @@ def one_by_one(fly: Fly, method: str) -> Callable[..., None]:
     Parameters
     ----------
     fly : returns vehicle and true flights of a design, its place and the rate of the log (Hz). It
-        raises :class:`Lost` where the vehicle left its path.
+        raises :class:`OffPath` where the vehicle left its path.
     method : how the limit is known, in words.
     """
 
@@ -316,7 +316,7 @@ def write_flown(
     frames = [record(flown, log, rng) for flown in flights]
     # the file is made wrong only after this: the limit takes the factors by themselves
     limits = detectable(flights, log.rate_hz, log.sensors, craft, wrong)
-    craft = replace(craft, declared=_misdeclared(craft.declared, wrong))
+    craft = replace(craft, nominal=_with_wrong_nominal(craft.nominal, wrong))
     content = concealed.truth() | {
         "detectable": limits | {"method": method},
         "situation": _situation(place, craft.size, log) | {"rotors": craft.n_rotors},
@@ -399,8 +399,8 @@ def write_set(
     truth : content of the sealed file.
     """
     final, folder = out / "cases" / place.identity, out / "cases" / f".{place.identity}"
-    for left in (final, folder):
-        shutil.rmtree(left, ignore_errors=True)
+    for stale in (final, folder):
+        shutil.rmtree(stale, ignore_errors=True)
     folder.mkdir(parents=True)
     for number, frame in enumerate(frames, 1):
         # single precision is finer than any sensor here, but not than the clock
@@ -427,15 +427,17 @@ def untrimmed(
     dt : time from one command to the next (s).
     flights : that are flown abreast.
     """
-    declared = _misdeclared(craft.declared, wrong)
+    nominal = _with_wrong_nominal(craft.nominal, wrong)
     hubs, spin = craft.hubs_m[:, :2, None], np.array(craft.spin, dtype=float)[:, None]
     x, y, spin = (np.repeat(row, flights, axis=1) for row in (hubs[:, 0], hubs[:, 1], spin))
-    many = {k: np.full(flights, v) for k, v in declared.items()}
+    many = {k: np.full(flights, v) for k, v in nominal.items()}
     pilot = Pilot(many, x, y, spin, np.full(flights, lag_s), dt)
-    pilot.held = np.zeros((3, flights))
+    pilot.trim_moment = np.zeros((3, flights))
     return pilot
 
 
-def _misdeclared(declared: Mapping[str, float], wrong: Mapping[str, float]) -> dict[str, float]:
+def _with_wrong_nominal(
+    nominal: Mapping[str, float], wrong: Mapping[str, float]
+) -> dict[str, float]:
     """Return what a wrong file declares; 'inertia' is wrong about all three axes."""
-    return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in declared.items()}
+    return {k: v * wrong.get("inertia" if k in INERTIA else k, 1.0) for k, v in nominal.items()}

@@ -11,7 +11,6 @@ import contextlib
 import importlib.util
 import multiprocessing
 import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -31,13 +30,12 @@ from ges.blind.foreign import (
     rotorpy,
     second,
 )
-from ges.blind.foreign.sets import Lost, Place, Sources, check_half, half_of
+from ges.blind.foreign.sets import OffPath, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
-from ges.files import read_kept, tree_hash, write_json
+from ges.files import tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
-BEGUN, MADE = "begun.json", "made.json"
 # libraries that share the machine's cores among themselves would not give the same bytes
 ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 ARRAYS = {**ALONE, "SCIPY_ARRAY_API": "1"}
@@ -219,22 +217,22 @@ def make_worlds(
             "no world can be made here: " + "; ".join(f"{n}: {why}" for n, why in skipped.items())
         )
     about = _about(half, seed, every, sets, skipped)
-    _begin(out, about)
+    seal.begin(out, about)
     jobs = list(_jobs(out, sets))
-    left = sum(len(job) for _, job in jobs)
-    tell(total - left, total)
+    remaining = sum(len(job) for _, job in jobs)
+    tell(total - remaining, total)
     deadline = None if minutes is None else time.monotonic() + 60.0 * minutes
-    lost: dict[str, str] = {}
+    failed: dict[str, str] = {}
     for batch, why in _run(out, jobs, places, processes, deadline):
-        left -= len(batch)
-        lost |= {p.identity: why for _, _, p in batch if not _sealed(out, p)}
-        tell(total - left, total)
-    if not left:
+        remaining -= len(batch)
+        failed |= {p.identity: why for _, _, p in batch if not _sealed(out, p)}
+        tell(total - remaining, total)
+    if not remaining:
         # the note first, then the seal over it
-        write_json(out / "sealed" / MADE, {**about, "lost": lost})
-        (out / "sealed" / BEGUN).unlink()
+        write_json(out / "sealed" / seal.MADE, {**about, "lost": failed})
+        (out / "sealed" / seal.BEGUN).unlink()
         seal.close(out)
-    return total - left, total, {**skipped, **lost}
+    return total - remaining, total, {**skipped, **failed}
 
 
 def make_and_seal(sums: Path, seed: int, every: int, recordings: str, given: str) -> None:
@@ -270,17 +268,6 @@ def _about(
         # sets of other sources than these are made anew
         "generator": tree_hash(PACKAGE, sources(__name__)),
     }
-
-
-def _begin(out: Path, about: Mapping[str, Any]) -> None:
-    """Keep the sets of an interrupted run of the very same makers and seed; clear away others."""
-    note = out / "sealed" / BEGUN
-    if read_kept(note, dict) == about:
-        return
-    for name in ("cases", "sealed"):
-        shutil.rmtree(out / name, ignore_errors=True)
-        (out / name).mkdir(parents=True)
-    write_json(note, about)
 
 
 def _jobs(out: Path, sets: Mapping[str, Sets]) -> Iterator[tuple[World, Sets]]:
@@ -355,6 +342,6 @@ def _make(world: str, out: Path, batch: Sets, places: Sources) -> str:
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         try:
             WORLDS[world].make(out, batch, places)
-        except Lost as why:
+        except OffPath as why:
             return str(why)
     return ""

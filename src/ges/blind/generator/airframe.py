@@ -19,7 +19,7 @@ CLASSES = {
     "1500g": (1.50, 0.120, 0.225, 560.0, 2.0e-2, 0.045, 12.3),
     "2500g": (2.50, 0.165, 0.310, 420.0, 5.6e-2, 0.065, 24.6),
 }
-DOUBTS = {
+SD_REL = {
     "mass": 0.01,
     "thrust": 0.025,
     "torque": 0.08,
@@ -72,7 +72,7 @@ class TrueVehicle:
     rotor_z_m : height of the rotor plane.
     spin : +1 for a rotor that turns counter-clockwise seen from above, else -1.
     battery_V : voltage of the full battery.
-    declared, true : mass, ixx, iyy, izz, thrust (N s^2), torque (N m s^2), lag (s) and top speed
+    nominal, true : mass, ixx, iyy, izz, thrust (N s^2), torque (N m s^2), lag (s) and top speed
         (rad/s), in SI units.
     rotor_level_m : height of each rotor over the plane at ``rotor_z_m``; empty where all lie in it.
     """
@@ -84,7 +84,7 @@ class TrueVehicle:
     rotor_z_m: float
     spin: tuple[int, ...]
     battery_V: float
-    declared: dict[str, float]
+    nominal: dict[str, float]
     true: dict[str, float]
     rotor_level_m: tuple[float, ...] = ()
 
@@ -107,7 +107,7 @@ class TrueVehicle:
             [j for j, b in enumerate(hubs) if np.allclose(a[:2], b[:2]) and b[2] > a[2]]
             for a in hubs
         ]
-        return tuple(found[0] if found else -1 for found in over)
+        return tuple(above[0] if above else -1 for above in over)
 
     @property
     def spacing_m(self) -> float:
@@ -136,21 +136,21 @@ class TrueVehicle:
 
         Returns
         -------
-        Declared numbers with their sds of :data:`DOUBTS`, and no effects.
+        Nominal parameters with their sds of :data:`SD_REL`, and no effects.
         """
-        value = {k: float(f"{v:.6g}") for k, v in self.declared.items()}
+        value = {k: float(f"{v:.6g}") for k, v in self.nominal.items()}
         rotors = zip(self.hubs_m.round(6).tolist(), self.spin, strict=True)
         return {
             "name": "vehicle",
             "mass_kg": {
                 "value": value["mass"],
-                "sd": float(f"{value['mass'] * DOUBTS['mass']:.3g}"),
+                "sd": float(f"{value['mass'] * SD_REL['mass']:.3g}"),
             },
             "inertia_kg_m2": {
                 "xx": value["ixx"],
                 "yy": value["iyy"],
                 "zz": value["izz"],
-                "sd_rel": DOUBTS["inertia"],
+                "sd_rel": SD_REL["inertia"],
             },
             "rotors": [
                 {
@@ -162,10 +162,10 @@ class TrueVehicle:
                 }
                 for (x, y, z), spin in rotors
             ],
-            "thrust_coefficient_N_s2": {"value": value["thrust"], "sd_rel": DOUBTS["thrust"]},
-            "torque_coefficient_Nm_s2": {"value": value["torque"], "sd_rel": DOUBTS["torque"]},
-            "motor_time_constant_s": {"value": value["lag"], "sd_rel": DOUBTS["lag"]},
-            "max_rotor_speed_rad_s": {"value": value["speed"], "sd_rel": DOUBTS["speed"]},
+            "thrust_coefficient_N_s2": {"value": value["thrust"], "sd_rel": SD_REL["thrust"]},
+            "torque_coefficient_Nm_s2": {"value": value["torque"], "sd_rel": SD_REL["torque"]},
+            "motor_time_constant_s": {"value": value["lag"], "sd_rel": SD_REL["lag"]},
+            "max_rotor_speed_rad_s": {"value": value["speed"], "sd_rel": SD_REL["speed"]},
             "rho_kg_m3": RHO_KG_M3,
             "terrain": terrain,
             "effects": {},
@@ -183,12 +183,12 @@ def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> T
 
     Returns
     -------
-    Errors are normal, within two sds of :data:`DOUBTS`.
+    Errors are normal, within two sds of :data:`SD_REL`.
     """
     mass, radius, arm, hover, ixx, lag, volt = (v * rng.uniform(0.88, 1.12) for v in CLASSES[size])
     arm, ixx = arm * LONGER.get(frame, 1.0), ixx * HEAVIER.get(frame, 1.0)
     thrust = mass * GRAVITY_M_S2 / (ROTORS[frame] * hover**2)
-    declared = {
+    nominal = {
         "mass": mass,
         "ixx": ixx,
         "iyy": ixx * rng.uniform(1.0, 1.15),
@@ -208,8 +208,8 @@ def draw_airframe(size: str, rng: np.random.Generator, frame: str = "quad") -> T
         rotor_z_m=round(float(0.25 * radius), 4),
         spin=spins,
         battery_V=float(volt),
-        declared={k: float(v) for k, v in declared.items()},
-        true=_with_errors(declared, rng),
+        nominal={k: float(v) for k, v in nominal.items()},
+        true=_with_errors(nominal, rng),
         rotor_level_m=levels,
     )
 
@@ -238,15 +238,15 @@ def _senses(spins: Sequence[str]) -> tuple[int, ...]:
     return tuple(1 if s == "ccw" else -1 for s in spins)
 
 
-def _with_errors(declared: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    doubt_of = {"ixx": "inertia", "iyy": "inertia", "izz": "inertia"}
+def _with_errors(nominal: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+    number_of = {"ixx": "inertia", "iyy": "inertia", "izz": "inertia"}
     errors = {
-        k: np.clip(rng.standard_normal(), -2.0, 2.0) * DOUBTS[doubt_of.get(k, k)] for k in declared
+        k: np.clip(rng.standard_normal(), -2.0, 2.0) * SD_REL[number_of.get(k, k)] for k in nominal
     }
-    return {k: float(v * (1.0 + errors[k])) for k, v in declared.items()}
+    return {k: float(v * (1.0 + errors[k])) for k, v in nominal.items()}
 
 
-def declare(true: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+def draw_nominal(true: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     """Draw what a file honestly declares of known true numbers.
 
     Parameters
@@ -256,6 +256,6 @@ def declare(true: dict[str, float], rng: np.random.Generator) -> dict[str, float
 
     Returns
     -------
-    Each number off by a normal error of its :data:`DOUBTS`, within two sds.
+    Each number off by a normal error of its :data:`SD_REL`, within two sds.
     """
     return _with_errors(true, rng)

@@ -129,7 +129,7 @@ def patches(p: np.ndarray, hid: Mapping[str, np.ndarray]) -> np.ndarray:
     )
 
 
-def strangers(
+def unlisted_loads(
     air_body: np.ndarray, thrust: np.ndarray, b: Bench, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the load of effects that no library has.

@@ -372,7 +372,7 @@ SENSOR: dict[str, Secret] = {
     "gyro_bias": _bias("gyro_bias", "rad_s", (0.02, 0.05, 0.12)),
     "attitude_bias": _bias("att_bias", "rad", (0.014, 0.03, 0.06), "xy"),
 }
-STRANGER: dict[str, Secret] = {
+UNLISTED: dict[str, Secret] = {
     "magnetic_patch": _magnet,
     "wall_suction": _wall,
     "updraft_column": _updraft,
@@ -389,7 +389,7 @@ STRANGER: dict[str, Secret] = {
 }
 # library effects that are the same physics in another form: right answers, too
 RELATED = {"wall_suction": ("wall_effect",)}
-EVERY = PHYSICS | PARAMETER | SENSOR | STRANGER
+EVERY = PHYSICS | PARAMETER | SENSOR | UNLISTED
 # what a physical secret brings with it: wind and gusts act through drag, the rest modify the
 # ground's effect
 COMPANIONS = {

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ges.blind.generator.airframe import DOUBTS, TrueVehicle
+from ges.blind.generator.airframe import SD_REL, TrueVehicle
 from ges.blind.limit import Body, Change, Path, log_likelihood_ratios
 from ges.blind.noise import Air, Noise
 
@@ -78,7 +78,7 @@ def detectable(
     ----------
     flights : the true flights.
     rate_hz, noise : of the log; rotor speeds that are not logged have an infinite sd.
-    craft : the true vehicle; its file is uncertain by :data:`airframe.DOUBTS`.
+    craft : the true vehicle; its file is uncertain by :data:`airframe.SD_REL`.
     wrong : factors by which the file is wrong beyond that, by the numbers of :data:`NAME_OF_WRONG`.
 
     Returns
@@ -114,7 +114,7 @@ def _path(
 ) -> Path:
     """Return a flight as the limit sees it, at every ``thin``-th of the log's times.
 
-    It has the change of each declared number's uncertainty, and of what the file is wrong about.
+    It has the change of each nominal parameter's uncertainty, and of what the file is wrong about.
     """
     t = sample_times(flown, rate_hz / thin)
     clock = np.arange(len(flown.state["p"])) * flown.step_s
@@ -129,7 +129,7 @@ def _path(
     level = flown.air.level
     step_s = thin / rate_hz
     body = body_of(craft)
-    declared = _doubts(body, craft.true, speed, rate, omega, turning, step_s)
+    nominal = _priors(body, craft.true, speed, rate, omega, turning, step_s)
     changes: dict[str, Mapping[str, np.ndarray]] = {
         n: {c: at(v) for c, v in one.items()} for n, one in flown.changes.items()
     }
@@ -144,14 +144,12 @@ def _path(
             # the truth is 1 / factor of what the file says
             parts = INERTIA if number == "inertia" else (number,)
             changes[NAME_OF_WRONG[number]] = _scaled(
-                1.0 / factor - 1.0, [declared[part][1] for part in parts]
+                1.0 / factor - 1.0, [nominal[part][1] for part in parts]
             )
     # on the ground, with rotors standing or spinning up, nothing is asked of a method
     aloft = (speed > ALOFT_SHARE * np.median(speed)).all(axis=1)[:, None]
     changes = {n: {c: v * aloft for c, v in one.items()} for n, one in changes.items()}
-    declared = {
-        n: (sd, {c: v * aloft for c, v in one.items()}) for n, (sd, one) in declared.items()
-    }
+    nominal = {n: (sd, {c: v * aloft for c, v in one.items()}) for n, (sd, one) in nominal.items()}
     return Path(
         step_s=step_s,
         rotation=Rotation.from_quat(at(flown.state["q"]), scalar_first=True).as_matrix(),
@@ -159,12 +157,12 @@ def _path(
         speed_rad_s=speed,
         speed_error_rad_s=_speed_error(flown, rate_hz, noise, craft, float(speed.mean())),
         changes=changes,
-        doubts=declared,
+        priors=nominal,
         air=flown.air if level is None else replace(flown.air, level=np.interp(t, clock, level)),
     )
 
 
-def _doubts(
+def _priors(
     body: Body,
     true: Mapping[str, float],
     speed: np.ndarray,
@@ -173,7 +171,7 @@ def _doubts(
     turning: np.ndarray,
     step_s: float,
 ) -> dict[str, tuple[float, Change]]:
-    """Return the sd and the change for one of every declared number, relative to its value.
+    """Return the sd and the change for one of every nominal parameter, relative to its value.
 
     Parameters
     ----------
@@ -189,16 +187,16 @@ def _doubts(
     whole = body.inertia_kg_m2 * turning + np.cross(omega, body.inertia_kg_m2 * omega)
     # thrust makes roll and pitch, torque makes yaw
     level = moment * np.array([1.0, 1.0, 0.0])
-    found = {
-        "mass": (DOUBTS["mass"], {"force_N": -wrench["force_N"]}),
-        "thrust": (DOUBTS["thrust"], {"force_N": wrench["force_N"], "moment_Nm": level}),
-        "torque": (DOUBTS["torque"], {"moment_Nm": moment - level}),
-        "speed": (DOUBTS["speed"], driven(body, true, speed, speed)),
-        "lag": (DOUBTS["lag"], driven(body, true, speed, _lag_change(true, speed_rate, step_s))),
+    priors = {
+        "mass": (SD_REL["mass"], {"force_N": -wrench["force_N"]}),
+        "thrust": (SD_REL["thrust"], {"force_N": wrench["force_N"], "moment_Nm": level}),
+        "torque": (SD_REL["torque"], {"moment_Nm": moment - level}),
+        "speed": (SD_REL["speed"], driven(body, true, speed, speed)),
+        "lag": (SD_REL["lag"], driven(body, true, speed, _lag_change(true, speed_rate, step_s))),
     }
     for axis, name in enumerate(("ixx", "iyy", "izz")):
-        found[name] = (DOUBTS["inertia"], {"moment_Nm": -whole * np.eye(3)[axis]})
-    return found
+        priors[name] = (SD_REL["inertia"], {"moment_Nm": -whole * np.eye(3)[axis]})
+    return priors
 
 
 def driven(body: Body, true: Mapping[str, float], speed: np.ndarray, change: np.ndarray) -> Change:
@@ -249,5 +247,5 @@ def _speed_error(
     logged = np.floor(clock * rate_hz + 1e-9) / rate_hz
     last = np.minimum((logged / flown.step_s + 1e-9).astype(int), len(u) - 1)
     missed = _lagged(u - u[last], craft.true["lag"], flown.step_s)
-    held = float(np.sqrt(np.mean(missed**2))) * craft.true["speed"]
-    return min(held, noise.speed_share * speed)
+    from_commands = float(np.sqrt(np.mean(missed**2))) * craft.true["speed"]
+    return min(from_commands, noise.speed_share * speed)

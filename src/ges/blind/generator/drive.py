@@ -1,6 +1,6 @@
 """Battery and motors: RC battery, motor equation, current limit and filter of the ESC.
 
-All is in units of the full voltage and the declared top speed: x = w / w_max, d = duty cycle. The
+All is in units of the full voltage and the nominal top speed: x = w / w_max, d = duty cycle. The
 torque balance is
 
     dx/dt = rate (d V/V_full - (1 - r) x - r x^2).

@@ -105,7 +105,7 @@ class Bench:
         crafts = [s.craft for s in sorties]
         self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}
         self.true = {k: _column(c.true[k] for c in crafts) for k in crafts[0].true}
-        self.declared = {k: _column(c.declared[k] for c in crafts) for k in crafts[0].declared}
+        self.nominal = {k: _column(c.nominal[k] for c in crafts) for k in crafts[0].nominal}
         self.radius = _column(c.radius_m for c in crafts)
         self.arm = _column(c.arm_m for c in crafts)
         self.rx = np.array([c.rotor_x_m for c in crafts]).T
@@ -158,7 +158,7 @@ class Bench:
         carried = self.weight * (1.0 + hid["load_share"]) / self.k.sum(axis=0)
         hover_x = np.clip(np.sqrt(carried) / true["speed"], 0.1, 0.95)
         self.hover_x = hover_x
-        # motor and ESC filter share the lag nine to one: together they have the declared one
+        # motor and ESC filter share the lag nine to one: together they have the nominal one
         self.rate = drive.rate_of_lag(self.lag * 0.9, hover_x, self.droop)
         self.filter = 0.1 * self.lag
         self.plain_rate = drive.rate_of_lag(true["lag"] * 0.9, hover_x, drive.DROOP)
@@ -326,7 +326,7 @@ class Simulation:
         self._load_terrain()
         self.s = State(self.b, sorties, self.terrain)
         tuned = self.b.lag + self.b.hid["delay_s"]
-        self.pilot = Pilot(self.b.declared, self.b.rx, self.b.ry, self.b.spin, tuned, CONTROL_DT_S)
+        self.pilot = Pilot(self.b.nominal, self.b.rx, self.b.ry, self.b.spin, tuned, CONTROL_DT_S)
         self._trim()
         # a ring of past commands, as long as the longest delay
         longest = int(self.b.delay.max()) + 1
@@ -338,13 +338,13 @@ class Simulation:
     def _trim(self) -> None:
         """Begin with the rotors and integrators of a vehicle that was trimmed on flights before."""
         moment, flying = self.b.steady_moment(), self.s.x > 0.0
-        self.pilot.trim(moment, self.b.hover_command(self.s.volt), self.b.declared["thrust"])
+        self.pilot.trim(moment, self.b.hover_command(self.s.volt), self.b.nominal["thrust"])
         asked = np.concatenate([self.b.weight[None], -moment])
         # squared speeds over that of hover, as the mixer asks for weight and trim moment
         square = (
             np.einsum("ijf,jf->if", self.pilot.mixer, asked)
             / (self.b.weight / self.b.n_rotors)
-            * self.b.declared["thrust"]
+            * self.b.nominal["thrust"]
         )
         share = np.sqrt(np.maximum(square, 0.1))
         self.s.x, self.s.esc = self.s.x * share, np.where(flying, self.s.esc * share, 0.0)
@@ -378,7 +378,7 @@ class Simulation:
         Returns
         -------
         Each of :data:`CHANNELS` as (n, width, F) at 250 Hz. The extra force and moment (N, N m,
-        body frame) are those beyond T = k w^2 and the declared torque, without turbulence.
+        body frame) are those beyond T = k w^2 and the nominal torque, without turbulence.
         """
         n, flights = self.steps // CONTROL, len(self.sorties)
         book = {k: np.empty((n, w or self.b.n_rotors, flights)) for k, w in CHANNELS.items()}
@@ -516,7 +516,7 @@ class Simulation:
     def _loads(self) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """Return body force without gravity, moment, and the extra load.
 
-        The latter is what exceeds the declared kind of vehicle.
+        The latter is what exceeds the nominal kind of vehicle.
         """
         s, b = self.s, self.b
         w = s.x * b.true["speed"]
@@ -616,7 +616,7 @@ class Simulation:
             s.load, s.load_v, s.p, s.v, b.mass, b.hid, DT_S
         )
         force += _to_body(self.r, pull + rope)
-        more, moment = attached.strangers(air_body, thrust, b, self.buffet)
+        more, moment = attached.unlisted_loads(air_body, thrust, b, self.buffet)
         return force + more, moment
 
     def _advance(self, force: np.ndarray, moment: np.ndarray) -> None:

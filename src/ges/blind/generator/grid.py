@@ -18,7 +18,7 @@ from ges.blind.generator.concealed import (
     PARAMETER,
     PHYSICS,
     SENSOR,
-    STRANGER,
+    UNLISTED,
 )
 from ges.blind.generator.plan import FULL_MENU
 from ges.blind.generator.sensing import NOISE_LEVELS, Logging
@@ -196,7 +196,7 @@ def _spec(
         )
     # every name meets the three severities in three turns, then on the next size of vehicle
     names = list(
-        {"single": PHYSICS, "unknown": STRANGER, "parameter": PARAMETER, "sensor": SENSOR}[category]
+        {"single": PHYSICS, "unknown": UNLISTED, "parameter": PARAMETER, "sensor": SENSOR}[category]
     )
     turn, which = divmod(k, len(names))
     return Spec(

@@ -37,12 +37,11 @@ from ges.blind.generator.whereabouts import FAST_STEP, TRUTH_STEP, seen_channels
 from ges.blind.protocol import seal
 from ges.conventions import GRAVITY_M_S2
 from ges.errors import GesError, UsageError
-from ges.files import read_kept, tree_hash, write_json
+from ges.files import tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
 BATCH = 12
 ATTEMPTS, GENTLER = 8, 0.9
-BEGUN, MADE = "begun.json", "made.json"
 WITNESSED = (
     "p",
     "v",
@@ -132,7 +131,7 @@ def make_cases(
         "cases": len(every),
         "generator": tree_hash(PACKAGE, sources(__name__)),
     }
-    _begin(out, about)
+    seal.begin(out, about)
     batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
     waiting = [b for b in batches if not all(_sealed(out, spec, grid, seed) for spec in b)]
     done = len(every) - sum(map(len, waiting))
@@ -140,7 +139,7 @@ def make_cases(
     for count in _spread(waiting, out, grid, seed, processes):
         done += count
         tell(done, len(every))
-    os.replace(out / "sealed" / BEGUN, out / "sealed" / MADE)
+    os.replace(out / "sealed" / seal.BEGUN, out / "sealed" / seal.MADE)
     seal.close(out)
     return len(every)
 
@@ -155,20 +154,6 @@ def make_and_seal(sums: Path, grid: str, seed: int, processes: int = 2) -> None:
     """
     sums.unlink(missing_ok=True)
     make_cases(sums.parents[1], seed, grid, processes)
-
-
-def _begin(out: Path, about: dict) -> None:
-    """Keep the cases of an interrupted run of the very same generator, grid and seed.
-
-    All others are cleared away.
-    """
-    note = out / "sealed" / BEGUN
-    if read_kept(note, dict) == about:
-        return
-    for name in ("cases", "sealed"):
-        shutil.rmtree(out / name, ignore_errors=True)
-        (out / name).mkdir(parents=True)
-    write_json(note, about)
 
 
 def _sealed(out: Path, spec: Spec, grid: str, seed: int) -> bool:
@@ -234,7 +219,10 @@ def fly_batch(
 def _fly_alike(cases: Sequence[Case], out: Path, seed: int) -> list[Case]:
     """Fly cases of vehicles with as many rotors, and write those that could be flown."""
     book = Simulation([s for c in cases for s in c.sorties]).run()
-    parts = [_slice(book, k) for k in range(len(cases))]
+    parts = [
+        [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
+        for k in range(len(cases))
+    ]
     well = [(c, p) for c, p in zip(cases, parts, strict=True) if _flew(c, p)]
     limits = detectable_of([c for c, _ in well], [p for _, p in well])
     for (case, part), limit in zip(well, limits, strict=True):
@@ -285,15 +273,11 @@ def _sortie(
     low = max(1.3 * craft.radius_m, 0.6 * craft.radius_m + 0.04)
     # large vehicles fly faster, slow motors get smoother references, light ones are shaken more
     pace = gentle * float(np.clip(np.sqrt(craft.radius_m / 0.06), 0.7, 1.25))
-    agility = float(np.clip(craft.declared["lag"] / 0.03, 0.9, 2.2))
+    agility = float(np.clip(craft.nominal["lag"] / 0.03, 0.9, 2.2))
     room = Room(around.seconds[f], craft.radius_m, low, pace, agility, z)
     plan = make_plan(around.menu[f], room, around.excited[f], around.parked[f], rng)
     turbulence = around.turbulence * float(np.clip((0.65 / craft.true["mass"]) ** 0.15, 0.8, 1.5))
     return Sortie(craft, numbers, plan, z, around.charge[f], turbulence, int(rng.integers(2**62)))
-
-
-def _slice(book: Mapping[str, np.ndarray], k: int) -> list[dict[str, np.ndarray]]:
-    return [{n: v[:, :, k * FLIGHTS + f] for n, v in book.items()} for f in range(FLIGHTS)]
 
 
 def _flew(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> bool:
@@ -313,8 +297,8 @@ def _write_case(
 ) -> None:
     identity = case.around.identity
     final, folder = out / "cases" / identity, out / "cases" / f".{identity}"
-    for left in (final, folder):
-        shutil.rmtree(left, ignore_errors=True)
+    for stale in (final, folder):
+        shutil.rmtree(stale, ignore_errors=True)
     folder.mkdir(parents=True)
     rng = np.random.default_rng([seed, case.spec.index, 5])
     flights = [

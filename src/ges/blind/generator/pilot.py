@@ -14,11 +14,11 @@ from ges.conventions import GRAVITY_M_S2
 class Pilot:
     """Cascaded controller of vehicles abreast, tuned for the response of each.
 
-    It knows declared numbers only.
+    It knows nominal parameters only.
 
     Parameters
     ----------
-    declared : (F,) mass, ixx, iyy, izz, thrust, torque and speed, in SI units.
+    nominal : (F,) mass, ixx, iyy, izz, thrust, torque and speed, in SI units.
     rotor_x, rotor_y : (n_rotors, F) hubs in the body frame (m).
     spin : (n_rotors, F) counter-clockwise positive.
     lag_s : (F,) time constant of the drive that the gains are tuned for.
@@ -27,17 +27,17 @@ class Pilot:
 
     def __init__(
         self,
-        declared: Mapping[str, np.ndarray],
+        nominal: Mapping[str, np.ndarray],
         rotor_x: np.ndarray,
         rotor_y: np.ndarray,
         spin: np.ndarray,
         lag_s: np.ndarray,
         dt: float,
     ) -> None:
-        self.mass, self.speed, self.dt = declared["mass"], declared["speed"], dt
-        self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
+        self.mass, self.speed, self.dt = nominal["mass"], nominal["speed"], dt
+        self.inertia = np.stack([nominal[k] for k in ("ixx", "iyy", "izz")])
         # thrust and moments of the squared speeds; its inverse is the mixer
-        k, q = declared["thrust"], declared["torque"]
+        k, q = nominal["thrust"], nominal["torque"]
         rows = np.stack([np.broadcast_to(k, rotor_x.shape), k * rotor_y, -k * rotor_x, -q * spin])
         self.rotors, each = len(rotor_x), rows.transpose(2, 0, 1)
         # of more than four rotors the smallest squares that make what is asked
@@ -63,8 +63,8 @@ class Pilot:
         hover_u : (F,) command in hover, 0 to 1.
         thrust_coefficient : (F,) N s^2.
         """
-        self.held = moment
-        # the sum of errors that adds to gravity what hover takes by the declared numbers
+        self.trim_moment = moment
+        # the sum of errors that adds to gravity what hover takes by the nominal parameters
         lift = self.rotors * thrust_coefficient * (hover_u * self.speed) ** 2 / self.mass
         self.sum_pos[2] = (lift - GRAVITY_M_S2) / (0.25 * self.k_vel[2] * self.k_pos[2])
 
@@ -91,7 +91,7 @@ class Pilot:
 
         Returns
         -------
-        (n_rotors, F) rotor speeds over the declared top speed, 0 to 1.
+        (n_rotors, F) rotor speeds over the nominal top speed, 0 to 1.
         """
         error = ref[0:3] - p
         # bounded, and standing still on the ground, so that nothing winds up
@@ -113,6 +113,6 @@ class Pilot:
         self.sum_rate = np.clip(self.sum_rate + self.dt * flying * lack, -4.0, 4.0)
         moment = self.inertia * (self.gain * (lack + 0.8 * self.sum_rate) + excite[:3])
         # offset and weak rotor make a moment in proportion to the thrust
-        moment -= self.held * thrust / (self.mass * GRAVITY_M_S2)
+        moment -= self.trim_moment * thrust / (self.mass * GRAVITY_M_S2)
         square = np.einsum("ijf,jf->if", self.mixer, np.concatenate([thrust[None], moment]))
         return np.clip(np.sqrt(np.maximum(square, 0.0)) / self.speed, 0.08, 1.0) * flying

@@ -104,10 +104,14 @@ def _runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """
     t = _clock(room)
     heading = rng.uniform(0.0, 2.0 * np.pi)
-    along = _out_and_back(t, np.array([1.2, -1.2, 2.4, -2.4, 4.0, -4.0]) * room.pace)
+    distance = _out_and_back(t, np.array([1.2, -1.2, 2.4, -2.4, 4.0, -4.0]) * room.pace)
     high = room.top_m + 8.0 * room.radius_m + rng.uniform(0.8, 1.5)
     return _track(
-        t, along * np.cos(heading), along * np.sin(heading), high, _hold(t, rng.uniform(-3, 3, 3))
+        t,
+        distance * np.cos(heading),
+        distance * np.sin(heading),
+        high,
+        _hold(t, rng.uniform(-3, 3, 3)),
     )
 
 
@@ -131,8 +135,8 @@ def _low_runs(room: Room, rng: np.random.Generator) -> np.ndarray:
     """Runs of growing speed, 0.5 to 2.6 m/s, close to the ground, following it."""
     t = _clock(room)
     heading = rng.uniform(-0.5, 0.5) + rng.choice([0.0, np.pi])
-    along = _out_and_back(t, np.array([0.5, -0.5, 1.2, -1.2, 2.6, -2.6]) * room.pace)
-    x, y = along * np.cos(heading), along * np.sin(heading)
+    distance = _out_and_back(t, np.array([0.5, -0.5, 1.2, -1.2, 2.6, -2.6]) * room.pace)
+    x, y = distance * np.cos(heading), distance * np.sin(heading)
     ground = _under(room, x, y)
     clear = _hold(t, rng.permutation([1.0, 1.6, 1.0, 2.4])) * room.low_m
     return _track(t, x, y, ground + clear, _hold(t, rng.uniform(-1.5, 1.5, 3)))
@@ -143,8 +147,8 @@ def _out_and_back(t: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     weights = 1.0 / np.abs(speeds)
     edges = np.cumsum(weights / weights.sum()) * t[-1]
     speed = speeds[np.minimum(np.searchsorted(edges, t), len(speeds) - 1)]
-    along = np.cumsum(speed) * CONTROL_DT_S
-    return np.clip(along - along.mean(), -REACH_M, REACH_M)
+    distance = np.cumsum(speed) * CONTROL_DT_S
+    return np.clip(distance - distance.mean(), -REACH_M, REACH_M)
 
 
 def _mixed(room: Room, rng: np.random.Generator) -> np.ndarray:
@@ -182,9 +186,9 @@ def _one_speed(room: Room, rng: np.random.Generator) -> np.ndarray:
     """One speed out and back on one line at one height and heading."""
     t = _clock(room)
     leg = 6.0
-    along = 2.4 * room.pace * (np.abs((t % (2.0 * leg)) - leg) - leg / 2.0)
+    distance = 2.4 * room.pace * (np.abs((t % (2.0 * leg)) - leg) - leg / 2.0)
     return _track(
-        t, np.clip(along, -REACH_M, REACH_M), 0.0, room.top_m + 8.0 * room.radius_m + 1.0, 0.0
+        t, np.clip(distance, -REACH_M, REACH_M), 0.0, room.top_m + 8.0 * room.radius_m + 1.0, 0.0
     )
 
 

@@ -102,8 +102,8 @@ def step_inflow(
     Apparent mass after Pitt and Peters 1981.
     """
     apparent = 8.0 / 3.0 * rho * radius**3
-    through = axial + v_i
-    resultant = np.sqrt(edge * edge + through * through)
+    axial_flow = axial + v_i
+    resultant = np.sqrt(edge * edge + axial_flow * axial_flow)
     flow = 2.0 * rho * np.pi * radius * radius * resultant
     return (v_i + dt * np.maximum(thrust, 0.0) / apparent) / (1.0 + dt * flow / apparent)
 

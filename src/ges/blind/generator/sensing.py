@@ -185,7 +185,7 @@ class Recorder:
         return 0.5 * out
 
     def _drive(self) -> dict[str, np.ndarray]:
-        n, u = len(self.t), _quantise(np.clip(self._held("u"), 0.0, 1.0), 1e-4)
+        n, u = len(self.t), _quantise(np.clip(self._hold_last("u"), 0.0, 1.0), 1e-4)
         rotors = len(u)
         named = dict(zip(command(rotors), u, strict=True))
         if self.log.rotor_speeds:
@@ -205,7 +205,7 @@ class Recorder:
             named |= dict(zip(motor_current(rotors), _quantise(each, 0.005), strict=True))
         return named
 
-    def _held(self, name: str) -> np.ndarray:
+    def _hold_last(self, name: str) -> np.ndarray:
         """Return the value last written before each sample: commands are steps, not lines."""
         index = np.clip((self.t / CONTROL_DT_S).astype(int), 0, self.n - 1)
         return self.truth[name][index].T

@@ -59,7 +59,7 @@ class _PathReplay(Simulation):
 
         Returns
         -------
-        ``force`` and ``moment`` beyond the declared vehicle's, (n, 3, F), and ``speed`` (n, rotors,
+        ``force`` and ``moment`` beyond the nominal vehicle's, (n, 3, F), and ``speed`` (n, rotors,
         F).
         """
         n = len(self.book["p"])
@@ -107,12 +107,12 @@ def detectable_of(cases: Sequence[Case], books: Sequence[Flights]) -> list[dict]
     A case's log likelihood ratios in nats, see :func:`ges.blind.limit.log_likelihood_ratios`, and
     ``method``.
     """
-    found = []
+    limits = []
     for case, flights, changes in zip(cases, books, _changes(cases, books), strict=True):
         flown = [_flown(*parts) for parts in zip(case.sorties, flights, changes, strict=True)]
         log = case.around.logging
-        found.append(detectable(flown, log.rate_hz, log.sensors, case.craft) | {"method": METHOD})
-    return found
+        limits.append(detectable(flown, log.rate_hz, log.sensors, case.craft) | {"method": METHOD})
+    return limits
 
 
 def _flown(
@@ -139,11 +139,11 @@ def _changes(cases: Sequence[Case], books: Sequence[Flights]) -> list[list[dict[
         for label, numbers in _variants(case).items()
     }
     replayed = _replayed(cases, books, variants)
-    found = []
+    changes = []
     for k, (case, flights) in enumerate(zip(cases, books, strict=True)):
         one = {label: rows for (j, label), rows in replayed.items() if j == k}
-        found.append([_change(case, f, flights[f], one) for f in range(len(flights))])
-    return found
+        changes.append([_change(case, f, flights[f], one) for f in range(len(flights))])
+    return changes
 
 
 def _variants(case: Case) -> dict[str, dict[str, float]]:
@@ -155,21 +155,21 @@ def _variants(case: Case) -> dict[str, dict[str, float]]:
     if len(case.names) < 2:
         return {}
     hid = {k: v for one in case.numbers.values() for k, v in one.items()}
-    found = {"whole": hid}
+    variants = {"whole": hid}
     dependent = [n for n in case.names if n in OWN_NUMBERS]
     # what acts on others is judged with them on, the others among themselves without it
     base = _neutral(hid, [number for n in dependent for number in OWN_NUMBERS[n]])
-    found |= {n: _neutral(hid, OWN_NUMBERS[n]) for n in dependent}
-    found["base"] = base
+    variants |= {n: _neutral(hid, OWN_NUMBERS[n]) for n in dependent}
+    variants["base"] = base
     for name in [n for n in case.names if n not in dependent]:
-        found[name] = _neutral(base, _numbers_of(case, name))
-    return found
+        variants[name] = _neutral(base, _numbers_of(case, name))
+    return variants
 
 
 def _numbers_of(case: Case, name: str) -> list[str]:
     """Return the numbers of an effect, also of one that came with another."""
-    carriers = [n for n in case.numbers if n == name or name in COMPANIONS.get(n, ())]
-    return [k for n in carriers for k in case.numbers[n] if k not in OWN_NUMBERS.get(n, ())]
+    prerequisites = [n for n in case.numbers if n == name or name in COMPANIONS.get(n, ())]
+    return [k for n in prerequisites for k in case.numbers[n] if k not in OWN_NUMBERS.get(n, ())]
 
 
 def _neutral(hid: Mapping[str, float], numbers: Sequence[str]) -> dict[str, float]:
@@ -215,29 +215,29 @@ def _change(
         loads = {"force": flight["extra_force"], "moment": flight["extra_moment"]}
         speed = flight["rotor_speed"] - flight["plain_speed"]
         return {case.names[0]: _as_change(case, case.names[0], flight, loads | {"speed": speed})}
-    found = {}
+    changes = {}
     for name in case.names:
         # each name against the same flights without it alone
         whole = replayed["whole" if name in OWN_NUMBERS else "base"][f]
         off = {k: whole[k] - replayed[name][f][k] for k in LOADS}
-        found[name] = _as_change(case, name, flight, off)
-    return found
+        changes[name] = _as_change(case, name, flight, off)
+    return changes
 
 
 def _as_change(
     case: Case, name: str, flight: Mapping[str, np.ndarray], off: Mapping[str, np.ndarray]
 ) -> Change:
     """Return loads and the speeds of the drive as a change; a wrong mass or inertia is one, too."""
-    found = driven(body_of(case.craft), case.craft.true, flight["rotor_speed"], off["speed"])
-    found = {**found, "force_N": found["force_N"] + off["force"]}
+    change = driven(body_of(case.craft), case.craft.true, flight["rotor_speed"], off["speed"])
+    change = {**change, "force_N": change["force_N"] + off["force"]}
     # J (1 + e) omega' = M: the file's J leaves a moment of -e J omega'
     excess = case.sorties[0].numbers.get("inertia_error", 1.0) - 1.0
     true = np.array([case.craft.true[k] for k in ("ixx", "iyy", "izz")])
     turning = np.gradient(flight["omega"], CONTROL_DT_S, axis=0)
-    found["moment_Nm"] = found["moment_Nm"] + off["moment"] - excess * true * turning
+    change["moment_Nm"] = change["moment_Nm"] + off["moment"] - excess * true * turning
     if name == "payload":
-        found["force_N"] = found["force_N"] + payload_force(case, flight)
-    return found
+        change["force_N"] = change["force_N"] + payload_force(case, flight)
+    return change
 
 
 def _reading_change(sortie: Sortie, flight: Mapping[str, np.ndarray]) -> Change:
@@ -249,7 +249,7 @@ def _reading_change(sortie: Sortie, flight: Mapping[str, np.ndarray]) -> Change:
 
     late = hid["time_offset_s"]
     height = flight["p"][:, 2:] - flight["ground"]
-    found = {
+    change = {
         "range_m": constant(hid["range_bias_m"]),
         "attitude_rad": constant(hid["att_bias_x_rad"], hid["att_bias_y_rad"], 0.0),
         "acceleration_m_s2": constant(*(hid[f"acc_bias_{a}_m_s2"] for a in "xyz")),
@@ -258,11 +258,11 @@ def _reading_change(sortie: Sortie, flight: Mapping[str, np.ndarray]) -> Change:
         "velocity_m_s": _later(flight["v"], late) - flight["v"],
     }
     # an attitude that is late by t is turned back by t omega
-    found["attitude_rad"] = found["attitude_rad"] - late * flight["omega"]
+    change["attitude_rad"] = change["attitude_rad"] - late * flight["omega"]
     if hid["range_lag_s"]:
         slow = lagged(height[:, 0], hid["range_lag_s"], CONTROL_DT_S)[:, None]
-        found["range_m"] = found["range_m"] + slow - height
-    return found
+        change["range_m"] = change["range_m"] + slow - height
+    return change
 
 
 def _later(rows: np.ndarray, by_s: float) -> np.ndarray:

@@ -63,13 +63,15 @@ def _strength(case: Case, flights: Sequence[Mapping[str, np.ndarray]]) -> dict[s
     # turbulence is drawn as acceleration: of a force and a moment it makes these sds
     scale = np.concatenate([np.full(3, air * true["mass"]), TURN_PER_M * air * inertia])
     names = [f"force_{a}" for a in AXES] + [f"moment_{a}" for a in AXES]
-    found = dict(zip(names, _rms(loads) / scale, strict=True))
+    strengths = dict(zip(names, _rms(loads) / scale, strict=True))
     if speeds:
         off = [
             (f["rotor_speed"] - f["plain_speed"])[a] for f, a in zip(flights, aloft, strict=True)
         ]
-        found["drive"] = _rms(np.concatenate(off).reshape(-1, 1))[0] / (true["speed"] * DRIVE_ERROR)
-    return {name: float(s) for name, s in found.items()}
+        strengths["drive"] = _rms(np.concatenate(off).reshape(-1, 1))[0] / (
+            true["speed"] * DRIVE_ERROR
+        )
+    return {name: float(s) for name, s in strengths.items()}
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:
@@ -77,7 +79,7 @@ def _rms(rows: np.ndarray) -> np.ndarray:
 
 
 def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) -> np.ndarray:
-    """Return (n, 6) body force and moment that nothing declared explains."""
+    """Return (n, 6) body force and moment that nothing in the vehicle file explains."""
     true, numbers = case.craft.true, case.sorties[0].numbers
     inertia = np.array([true["ixx"], true["iyy"], true["izz"]])
     excess = numbers.get("inertia_error", 1.0) - 1.0
@@ -90,7 +92,7 @@ def _loads(case: Case, flight: Mapping[str, np.ndarray], through_drive: bool) ->
 
 
 def payload_force(case: Case, flight: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the force of a payload that the declared mass misses, -m_p (a - g).
+    """Return the force of a payload that the nominal mass misses, -m_p (a - g).
 
     Parameters
     ----------

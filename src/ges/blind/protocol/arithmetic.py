@@ -28,10 +28,10 @@ class Balance:
 
     Attributes
     ----------
-    thrust_N : (flights, n_rotors) mean thrusts by the declared coefficient.
+    thrust_N : (flights, n_rotors) mean thrusts by the nominal coefficient.
     asked_N : (n_rotors,) thrusts that the balance asks for.
     matrix : (equations, n_rotors) from thrusts to vertical force, roll, pitch and, where the torque
-        coefficient is declared, yaw.
+        coefficient is stated, yaw.
     """
 
     thrust_N: np.ndarray
@@ -76,7 +76,7 @@ def balance(recordings: RecordingSet) -> Balance:
 
 
 def _means(frame: pd.DataFrame, vehicle: Vehicle) -> tuple[np.ndarray, float]:
-    """Return mean thrusts (n_rotors,) by the declared coefficient, and upward specific force."""
+    """Return mean thrusts (n_rotors,) by the nominal coefficient, and upward specific force."""
     k, n = vehicle.thrust_coefficient_N_s2.value, len(vehicle.rotors)
     if set(rotor_speed(n)) <= set(frame):
         square = frame[list(rotor_speed(n))].to_numpy(dtype=float) ** 2
@@ -103,9 +103,9 @@ def mean_distance(recordings: RecordingSet) -> list[dict]:
     The finding's ``statistic`` is the norm of their relative distances from the speeds that carry
     the vehicle. Commands stand for speeds where none are logged.
     """
-    found = balance(recordings)
+    balanced = balance(recordings)
     # thrust over thrust is speed over speed, squared
-    ratio = np.sqrt(np.maximum(found.thrust_N.mean(axis=0) / found.asked_N, 0.0))
+    ratio = np.sqrt(np.maximum(balanced.thrust_N.mean(axis=0) / balanced.asked_N, 0.0))
     return [_finding("", float(np.linalg.norm(ratio - 1.0)))]
 
 
@@ -117,10 +117,12 @@ def largest_loss(recordings: RecordingSet) -> list[dict]:
     One ``weak_rotor`` with its ``place``; ``statistic`` is the loss beyond the median rotor's, a
     share of thrust.
     """
-    found = balance(recordings)
-    mean = found.thrust_N.mean(axis=0)
+    balanced = balance(recordings)
+    mean = balanced.thrust_N.mean(axis=0)
     # shares that make the thrusts as flown balance: sum_i A_i T_i kept_i = A T_asked
-    kept = np.linalg.lstsq(found.matrix * mean, found.matrix @ found.asked_N, rcond=None)[0]
+    kept = np.linalg.lstsq(balanced.matrix * mean, balanced.matrix @ balanced.asked_N, rcond=None)[
+        0
+    ]
     # a wrong mass or coefficient is common to all rotors, and no loss of one
     loss = np.median(kept) - kept
     rotor = int(np.argmax(loss))

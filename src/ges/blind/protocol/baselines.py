@@ -41,7 +41,7 @@ class BaselineRows:
     ----------
     y, raw : (n,) residual after and before calibration.
     x : (n, k) columns of the candidates.
-    nuisance : (n, m) columns of declared numbers, trims and biases.
+    nuisance : (n, m) columns of nominal parameters, trims and biases.
     state : (n, f) logged channels at the centre of each window.
     channel, flight : (n,) numbers of channel and flight.
     """
@@ -91,13 +91,13 @@ class BaselineClaim:
     statistic: float
 
 
-Answer = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarray]]
+FittedMethod = tuple[dict[str, BaselineClaim], Callable[[BaselineRows], np.ndarray]]
 
 
 def prepare(recordings: RecordingSet) -> BaselineProblem:
     """Return residuals and columns of the training and the held-out flights.
 
-    Residuals are calibrated within the declared uncertainties.
+    Residuals are calibrated within the prior sds.
 
     Raises
     ------
@@ -107,11 +107,11 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     model = from_vehicle(recordings.vehicle, recordings.folder)
     frames = [f.frame for f in recordings.flights]
     gate = pass_gate(frames, model)
-    train, held = split([digest(f) for f in frames], gate.usable(), None)
+    train, held_out = split([digest(f) for f in frames], gate.usable(), None)
     # one shape an effect; what acts through another effect alone has no column without it
     variants = [c.variants[0] for c in library(model).values() if not c.prerequisites]
     used = {i: f for i, f in enumerate(gate.flights) if f}
-    parts = [build([used[i] for i in part], model, variants) for part in (train, held)]
+    parts = [build([used[i] for i in part], model, variants) for part in (train, held_out)]
     first = parts[0]
     if parts[1].names != first.names:
         raise GesError(
@@ -127,14 +127,16 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     )
     free = np.array([c.nuisance is not None for c in first.columns])
     rows = [_stack(system, scale, free) for system in parts]
-    # the declared doubts are the prior; a doubt for each flight counts as one for all
+    # a prior sd for each flight counts as one for all
     sd = np.array(
         [max(c.nuisance.sd, c.nuisance.flight_sd) for c in first.columns if c.nuisance is not None]
     )
-    beta = _ridge(rows[0].nuisance, rows[0].raw, sd)
+    # maximum a posteriori with unit noise and the prior N(0, sd^2): (X' X + S^-2) b = X' y
+    x = rows[0].nuisance
+    beta = np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ rows[0].raw)
     train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
     columns = np.array(first.columns, dtype=object)
-    names = tuple(recordings.flights[i].name for i in held)
+    names = tuple(recordings.flights[i].name for i in held_out)
     return BaselineProblem(
         first.names,
         scale,
@@ -167,12 +169,7 @@ def _stack(system: System, scale: np.ndarray, free: np.ndarray) -> BaselineRows:
     return BaselineRows(y, y, x[:, ~free], x[:, free], state, channel, flight)
 
 
-def _ridge(x: np.ndarray, y: np.ndarray, sd: np.ndarray) -> np.ndarray:
-    # maximum a posteriori with unit noise and the prior N(0, sd^2): (X' X + S^-2) b = X' y
-    return np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ y)
-
-
-def stepwise(problem: BaselineProblem) -> Answer:
+def stepwise(problem: BaselineProblem) -> FittedMethod:
     """Select forward at p < 0.05, rows taken as independent.
 
     Returns
@@ -209,7 +206,7 @@ def stepwise(problem: BaselineProblem) -> Answer:
     return claims, lambda r: r.x[:, kept] @ beta
 
 
-def sindy(problem: BaselineProblem) -> Answer:
+def sindy(problem: BaselineProblem) -> FittedMethod:
     """Fit by sequentially thresholded least squares of pysindy.
 
     The threshold is chosen by leaving one flight out. A flight's rows are passed as their
@@ -243,8 +240,10 @@ def sindy(problem: BaselineProblem) -> Answer:
 
     def error(threshold: float) -> float:
         # |R [-b, 1]| = |y - X b| of the flight that was left out
-        left = [packed[f] @ np.r_[-fit(flights[flights != f], threshold), 1.0] for f in flights]
-        return float(sum(e @ e for e in left))
+        residuals = [
+            packed[f] @ np.r_[-fit(flights[flights != f], threshold), 1.0] for f in flights
+        ]
+        return float(sum(e @ e for e in residuals))
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -259,12 +258,12 @@ def sindy(problem: BaselineProblem) -> Answer:
     return claims, lambda r: r.x @ beta
 
 
-def parameters(problem: BaselineProblem) -> Answer:
-    """Fit all declared numbers, trims and biases by least squares.
+def parameters(problem: BaselineProblem) -> FittedMethod:
+    """Fit all nominal parameters, trims and biases by least squares.
 
     Returns
     -------
-    Claims of the names whose number ends beyond three declared sds, and the prediction of the
+    Claims of the names whose number ends beyond three prior sds, and the prediction of the
     residual from rows. Top speed has no name.
     """
     rows = problem.train
@@ -272,7 +271,7 @@ def parameters(problem: BaselineProblem) -> Answer:
     claims: dict[str, BaselineClaim] = {}
     for column, value in zip(problem.nuisances, beta, strict=True):
         n = nuisance_of(column)
-        # distance from the declared number in its own doubts
+        # distance from the nominal parameter in its prior sds
         outside = float(abs(value) / max(n.sd, n.flight_sd))
         if n.effect != "vehicle" and outside > OUTSIDE_SD:
             before = claims.get(n.effect, BaselineClaim(1.0, 0.0)).statistic
@@ -283,7 +282,7 @@ def parameters(problem: BaselineProblem) -> Answer:
     return claims, lambda r: r.nuisance @ (beta - prior)
 
 
-def boosting(problem: BaselineProblem) -> Answer:
+def boosting(problem: BaselineProblem) -> FittedMethod:
     """Fit gradient boosting of the residual on all logged channels, channel by channel.
 
     Returns
@@ -311,7 +310,7 @@ def boosting(problem: BaselineProblem) -> Answer:
     return {}, predict
 
 
-METHODS: dict[str, Callable[[BaselineProblem], Answer]] = {
+METHODS: dict[str, Callable[[BaselineProblem], FittedMethod]] = {
     "stepwise": stepwise,
     "sindy": sindy,
     "parameters": parameters,
@@ -370,11 +369,11 @@ def _table(problem: BaselineProblem, predicted: np.ndarray) -> dict:
 
     Channels of faster test functions are left out.
     """
-    held, table = problem.held_out, {}
+    rows, table = problem.held_out, {}
     for c, name in enumerate(problem.names):
-        here = held.channel == c
+        here = rows.channel == c
         if here.any() and "/" not in name:
-            stages = {"before": held.raw, "recalibrated": held.y, "after": held.y - predicted}
+            stages = {"before": rows.raw, "recalibrated": rows.y, "after": rows.y - predicted}
             errors = {
                 k: float(np.sqrt(np.mean(v[here] ** 2)) * problem.scale[c])
                 for k, v in stages.items()

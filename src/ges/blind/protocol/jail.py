@@ -76,17 +76,17 @@ def interpreter() -> list[Path]:
     Files and folders, without any that would show the generator of cases.
     """
     paths = sysconfig.get_paths()
-    found = {paths[k] for k in ("stdlib", "platstdlib", "purelib", "platlib")} | {
+    roots = {paths[k] for k in ("stdlib", "platstdlib", "purelib", "platlib")} | {
         os.path.join(sys.base_prefix, "lib"),
         *SYSTEM,
     }
     # paths of the interpreter, but none that would show the generator of cases
-    found |= {
+    roots |= {
         p
         for p in sys.path
         if p and os.path.isdir(p) and not (OWN.is_relative_to(Path(p).resolve()) or _other(p))
     }
-    return sorted(Path(p).resolve() for p in found if os.path.exists(p))
+    return sorted(Path(p).resolve() for p in roots if os.path.exists(p))
 
 
 def _other(path: str) -> bool:

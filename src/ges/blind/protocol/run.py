@@ -38,7 +38,7 @@ METHODS: dict[str, dict] = {
     **{name: {"baseline": name} for name in BASELINES},
     "without-instruments": {"set": {"design.instruments": False}},
     "without-whitening": {"set": {"noise.whitening": False}},
-    "without-tolerance": {"set": {"design.declared_tolerance": False}},
+    "without-tolerance": {"set": {"design.nominal_tolerance": False}},
 }
 LIMIT_S = 600
 
@@ -208,16 +208,16 @@ def _one(case: Path, final: Path, options: dict, tool: str) -> None:
             each.mkdir()
         anonymous(case, given)
         start = time.perf_counter()
-        said = _process(given, made, home, options)
+        failure = _process(given, made, home, options)
         about = {
-            "ended": "well" if said is None else "failed",
+            "ended": "well" if failure is None else "failed",
             "tool": tool,
             "wall_s": round(time.perf_counter() - start, 3),
         }
-        if said is not None:
+        if failure is not None:
             write_json(
                 made / "diagnosis.json",
-                {"schema": 1, "verdict": "failed", "sentence": said, "findings": []},
+                {"schema": 1, "verdict": "failed", "sentence": failure, "findings": []},
             )
         worker = made / "worker.json"
         if worker.exists():

@@ -4,12 +4,34 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ges.errors import GesError
-from ges.files import sha256, write_text
+from ges.files import read_kept, sha256, write_json, write_text
 
 SUMS = "SHA256SUMS"
+BEGUN, MADE = "begun.json", "made.json"
+"""What cases are made by, in ``sealed/``: while that goes on, and afterwards."""
+
+
+def begin(folder: Path, about: Mapping[str, Any]) -> None:
+    """Keep the cases of an interrupted run of the very same makers and seed; clear away others.
+
+    Parameters
+    ----------
+    folder : of the cases.
+    about : makers, grid and seed.
+    """
+    note = folder / "sealed" / BEGUN
+    if read_kept(note, dict) == about:
+        return
+    for name in ("cases", "sealed"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+        (folder / name).mkdir(parents=True)
+    write_json(note, about)
 
 
 def close(folder: Path) -> None:

@@ -58,10 +58,10 @@ def _diagnose(case: Path, out: Path, options: dict) -> float:
         write_json(out / "diagnosis.json", diagnose(load_set(case), options["baseline"]))
         return time.perf_counter() - start
     with using(options.get("set", {})):
-        found = pipeline.diagnose(load_set(case))
+        diagnosis = pipeline.diagnose(load_set(case))
     seconds = time.perf_counter() - start
-    write_json(out / "diagnosis.json", found.content())
-    save_vehicle(found.vehicle, out / "vehicle.fitted.yaml")
+    write_json(out / "diagnosis.json", diagnosis.content())
+    save_vehicle(diagnosis.vehicle, out / "vehicle.fitted.yaml")
     return seconds
 
 

@@ -29,7 +29,7 @@ from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
 from ges.files import write_json
 from ges.study.figures import style
 
-ANSWERS = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
+OUTCOMES = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
 HOME = "home"
 FALSE_ALARM_RATE = 0.02
 """At which a method is held against what any method could tell: the aim for false alarms."""
@@ -47,13 +47,13 @@ LAST = Path(__file__).with_name("last_scores.json")
 
 
 @dataclass(frozen=True)
-class Answer:
+class Outcome:
     """What a method reported on one set.
 
     Attributes
     ----------
     case, world, category : of the set.
-    answer : one of :data:`ANSWERS`.
+    outcome : one of :data:`OUTCOMES`.
     alarm : whether anything is reported; of a null only what is not true of it.
     named : true names that were reported.
     nats : detection limit by name, as a log likelihood ratio.
@@ -64,7 +64,7 @@ class Answer:
     case: str
     world: str
     category: str
-    answer: str
+    outcome: str
     alarm: bool
     named: frozenset[str]
     nats: Mapping[str, float]
@@ -79,7 +79,7 @@ class Answer:
     @property
     def good(self) -> bool:
         """Whether it is right or as right as that."""
-        return self.answer in ("right", "acceptable")
+        return self.outcome in ("right", "acceptable")
 
     @property
     def tellable(self) -> float:
@@ -90,7 +90,7 @@ class Answer:
         return float(min(power(np.array(list(self.nats.values())), FALSE_ALARM_RATE)))
 
 
-def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Answer:
+def outcome_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Outcome:
     """Compare a diagnosis with the truth of a set.
 
     Parameters
@@ -101,23 +101,23 @@ def answer_of(case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any])
     """
     findings, verdict = diagnosis.get("findings", []), kind_of(diagnosis)
     right = acceptable(truth)
-    known = frozenset().union(*right)
+    true_names = frozenset().union(*right)
     named = _named(findings, verdict)
     nats = dict(truth.get("detectable", {}).get("without", {}))
     category = category_of(truth)
-    answer = _answer(category, verdict, named, findings, right, truth)
+    outcome = _compare(category, verdict, named, findings, right, truth)
     # of a null only what is not true of it is an alarm
     quiet = verdict in ("nothing_proven", "failed")
-    quiet = quiet or category == "null" and answer == "acceptable"
-    return Answer(
+    quiet = quiet or category == "null" and outcome == "acceptable"
+    return Outcome(
         case,
         truth.get("situation", {}).get("world", HOME),
         category,
-        answer,
+        outcome,
         not quiet,
         frozenset(named & {f["name"] for f in truth["findings"]}),
         nats,
-        tuple((float(f["probability"]), f["name"] in known) for f in findings),
+        tuple((float(f["probability"]), f["name"] in true_names) for f in findings),
         int(truth.get("situation", {}).get("rotors", 4)),
     )
 
@@ -129,7 +129,7 @@ def _named(findings: Sequence[Mapping[str, Any]], verdict: str) -> frozenset[str
     )
 
 
-def _answer(
+def _compare(
     category: str,
     verdict: str,
     named: frozenset[str],
@@ -137,11 +137,11 @@ def _answer(
     right: Sequence[frozenset[str]],
     truth: Mapping[str, Any],
 ) -> str:
-    known = frozenset().union(*right)
+    true_names = frozenset().union(*right)
     if verdict == "failed":
         return "failed"
     # one false name, or a true one at a wrong place, spoils whatever else is right
-    if named - known or _misplaced(truth, findings):
+    if named - true_names or _misplaced(truth, findings):
         return "wrong"
     if category == "unknown":
         # no name of the library is true here; what accounts for it as well follows the first
@@ -168,7 +168,7 @@ def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
 
     It is the finding's ``place``, or all losses by rotor of at least half the largest.
     """
-    found: set[str] = set()
+    places: set[str] = set()
     for finding in (f for f in findings if f["name"] == name):
         losses = {
             p.removeprefix("loss_"): v["value"]
@@ -176,12 +176,12 @@ def _places(name: str, findings: Sequence[Mapping[str, Any]]) -> set[str]:
             if p.startswith("loss_") and isinstance(v, Mapping)
         }
         if finding.get("place"):
-            found.add(finding["place"])
+            places.add(finding["place"])
         elif losses:
             # a fit gives every rotor some loss: only what is large beside the largest is a claim
             most = max(losses.values())
-            found |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
-    return found
+            places |= {f"rotor {k}" for k, v in losses.items() if v >= 0.5 * most > 0.0}
+    return places
 
 
 def _true_places(truth: Mapping[str, Any]) -> dict[str, set[str]]:
@@ -209,7 +209,7 @@ def _placed(truth: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> 
 
 
 def at_same_alarms(
-    truths: Mapping[str, Mapping], answers: Mapping[str, Mapping], alarms: int
+    truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping], alarms: int
 ) -> dict[str, Mapping]:
     """Return a baseline's diagnoses cut at a threshold.
 
@@ -218,12 +218,12 @@ def at_same_alarms(
     Parameters
     ----------
     truths : by set.
-    answers : diagnoses by set, whose findings have a ``statistic``.
+    diagnoses : diagnoses by set, whose findings have a ``statistic``.
     alarms : false alarms of the tool on these nulls.
     """
     nulls = sorted(
         (
-            max((f["statistic"] for f in answers[n]["findings"]), default=-np.inf)
+            max((f["statistic"] for f in diagnoses[n]["findings"]), default=-np.inf)
             for n, truth in truths.items()
             if category_of(truth) == "null"
         ),
@@ -231,7 +231,7 @@ def at_same_alarms(
     )
     # above the next largest statistic lie just as many nulls as are allowed, fewer in a tie
     least = nulls[alarms] if alarms < len(nulls) else -np.inf
-    return {name: _above(diagnosis, least) for name, diagnosis in answers.items()}
+    return {name: _above(diagnosis, least) for name, diagnosis in diagnoses.items()}
 
 
 def _above(diagnosis: Mapping[str, Any], least: float) -> dict[str, Any]:
@@ -244,7 +244,7 @@ def _above(diagnosis: Mapping[str, Any], least: float) -> dict[str, Any]:
     return {**diagnosis, "verdict": verdict, "findings": named}
 
 
-def table(answers: Sequence[Answer]) -> pd.DataFrame:
+def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """Return the scores of every world, and of all worlds together.
 
     Returns
@@ -252,14 +252,14 @@ def table(answers: Sequence[Answer]) -> pd.DataFrame:
     A row a world: answers by kind, false alarms, sure names that are true, and sets that any method
     could have identified.
     """
-    worlds = list(dict.fromkeys(a.world for a in answers))
-    groups = {w: [a for a in answers if a.world == w] for w in worlds}
+    worlds = list(dict.fromkeys(a.world for a in outcomes))
+    groups = {w: [a for a in outcomes if a.world == w] for w in worlds}
     if len(worlds) > 1:
-        groups |= {"all": list(answers)}
+        groups |= {"all": list(outcomes)}
     return pd.DataFrame([{"world": name} | _row(part) for name, part in groups.items()])
 
 
-def by_rotors(answers: Sequence[Answer]) -> pd.DataFrame:
+def by_rotors(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """Return the scores by the number of rotors.
 
     Returns
@@ -268,23 +268,23 @@ def by_rotors(answers: Sequence[Answer]) -> pd.DataFrame:
     interval.
     """
     rows = []
-    for rotors in sorted({a.rotors for a in answers}):
-        part = [a for a in answers if a.rotors == rotors]
+    for rotors in sorted({a.rotors for a in outcomes}):
+        part = [a for a in outcomes if a.rotors == rotors]
         share, low, high = proportion([a.good for a in part if not a.null])
         rows.append({"rotors": rotors} | _row(part) | {"good": share, "low": low, "high": high})
     return pd.DataFrame(rows)
 
 
-def _row(answers: Sequence[Answer]) -> dict[str, Any]:
-    nulls = [a for a in answers if a.null]
-    concealed = [a for a in answers if not a.null]
-    stated = [s for a in answers for s in a.stated]
+def _row(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    nulls = [a for a in outcomes if a.null]
+    concealed = [a for a in outcomes if not a.null]
+    stated = [s for a in outcomes for s in a.stated]
     sure = [true for p, true in stated if p >= SURE]
     # a limit is known only where the maker knows the noise-free truth
     limited = [a for a in concealed if np.isfinite(a.tellable)]
-    strangers = [a for a in answers if a.category == "unknown"]
-    row: dict[str, Any] = {"sets": len(answers), "concealed": len(concealed)}
-    row |= {kind: sum(a.answer == kind for a in concealed) for kind in ANSWERS}
+    unlisted = [a for a in outcomes if a.category == "unknown"]
+    row: dict[str, Any] = {"sets": len(outcomes), "concealed": len(concealed)}
+    row |= {kind: sum(a.outcome == kind for a in concealed) for kind in OUTCOMES}
     row |= {
         "nulls": len(nulls),
         "false_alarms": sum(a.alarm for a in nulls),
@@ -293,15 +293,15 @@ def _row(answers: Sequence[Answer]) -> dict[str, Any]:
         "sure_names_true": sum(sure),
         "tellable": sum(a.tellable for a in limited),
         "told": sum(a.good for a in limited),
-        "strangers": len(strangers),
-        "strangers_unknown": sum(a.answer in ("right", "acceptable") for a in strangers),
+        "strangers": len(unlisted),
+        "strangers_unknown": sum(a.outcome in ("right", "acceptable") for a in unlisted),
     }
     if stated:
         row["calibration_error"] = calibration_error(np.array(stated, dtype=float))
     return row
 
 
-def scores(answers: Sequence[Answer]) -> dict[str, tuple[float, float, float, int]]:
+def scores(outcomes: Sequence[Outcome]) -> dict[str, tuple[float, float, float, int]]:
     """Return each score over all sets.
 
     Returns
@@ -309,27 +309,27 @@ def scores(answers: Sequence[Answer]) -> dict[str, tuple[float, float, float, in
     Score, 95 % interval (low, high) and number of sets, by name. The score over what any method
     could tell is missing where no limit is known.
     """
-    nulls = [a.alarm for a in answers if a.null]
-    wrong = [a.answer == "wrong" for a in answers]
-    sure = [true for a in answers for p, true in a.stated if p >= SURE]
-    strangers = [a.good for a in answers if a.category == "unknown"]
-    limited = [a for a in answers if np.isfinite(a.tellable)]
+    nulls = [a.alarm for a in outcomes if a.null]
+    wrong = [a.outcome == "wrong" for a in outcomes]
+    sure = [true for a in outcomes for p, true in a.stated if p >= SURE]
+    unlisted = [a.good for a in outcomes if a.category == "unknown"]
+    limited = [a for a in outcomes if np.isfinite(a.tellable)]
     could = sum(a.tellable for a in limited)
     # hits over what the best method finds on average; the interval is that of the hits alone
     share = np.array(proportion([a.good for a in limited])) * len(limited) / could if could else ()
-    found: dict[str, tuple] = {
+    rows: dict[str, tuple] = {
         "false alarms": (*proportion(nulls), len(nulls)),
         "wrong names": (*proportion(wrong), len(wrong)),
         f"names of P >= {SURE} that are true": (*proportion(sure), len(sure)),
-        "cause in no library: unknown": (*proportion(strangers), len(strangers)),
+        "cause in no library: unknown": (*proportion(unlisted), len(unlisted)),
     }
     if could:
         name = "right or acceptable, of what any method could tell"
-        found[name] = (*map(float, share), len(limited))
-    return found
+        rows[name] = (*map(float, share), len(limited))
+    return rows
 
 
-def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
+def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """Return the share of true names that were reported, by their detection limit.
 
     Returns
@@ -337,9 +337,9 @@ def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
     A row a bin of :data:`EDGES_NATS` that holds names. ``named`` has a 95 % interval;
     ``best_method`` is the mean power of the most powerful test.
     """
-    rows = [(nats, n in a.named) for a in answers if not a.null for n, nats in a.nats.items()]
+    rows = [(nats, n in a.named) for a in outcomes if not a.null for n, nats in a.nats.items()]
     values = np.array(rows, dtype=float).reshape(-1, 2)
-    found = []
+    bins = []
     for low, high in zip(EDGES_NATS[:-1], EDGES_NATS[1:], strict=True):
         part = values[(values[:, 0] >= low) & (values[:, 0] < high)]
         if len(part):
@@ -347,7 +347,7 @@ def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
             best = float(power(part[:, 0], FALSE_ALARM_RATE).mean())
             # geometric mean, as nats are drawn on a logarithmic axis; the floor is for 0
             middle = float(np.exp(np.log(np.maximum(part[:, 0], 0.1)).mean()))
-            found.append(
+            bins.append(
                 {
                     "from_nats": low,
                     "to_nats": high,
@@ -360,7 +360,7 @@ def power_table(answers: Sequence[Answer]) -> pd.DataFrame:
                 }
             )
     columns = ["from_nats", "to_nats", "middle_nats", "names", "named", "low", "high"]
-    return pd.DataFrame(found, columns=[*columns, "best_method"])
+    return pd.DataFrame(bins, columns=[*columns, "best_method"])
 
 
 def skipped(folder: Path) -> pd.DataFrame:
@@ -418,14 +418,16 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     names = seal.cases(folder)
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
-    tool = _answers(truths, _diagnoses(folder / diagnosed, names))
+    tool = _outcomes(truths, _diagnoses(folder / diagnosed, names))
     # a baseline that alarms more often would find more: all are cut at the alarms of the tool
     alarms = sum(a.alarm for a in tool if a.null)
     by_method = {diagnosed.removeprefix(OUT).removeprefix("-") or "ges": tool}
     for baseline in (b for b in SIMPLE if (folder / method_folder(b)).is_dir()):
-        found = _diagnoses(folder / method_folder(baseline), names)
-        by_method[baseline] = _answers(truths, at_same_alarms(truths, found, alarms))
-    powers = pd.concat([power_table(answers).assign(method=m) for m, answers in by_method.items()])
+        claims = _diagnoses(folder / method_folder(baseline), names)
+        by_method[baseline] = _outcomes(truths, at_same_alarms(truths, claims, alarms))
+    powers = pd.concat(
+        [power_table(outcomes).assign(method=m) for m, outcomes in by_method.items()]
+    )
     tables = {
         "worlds": pd.concat([table(a).assign(method=m) for m, a in by_method.items()]),
         "rotors": by_rotors(tool),
@@ -438,8 +440,8 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
         write_csv(out / f"{name}.csv", frame)
     rows = [
         score_row(name, values, AIMS.get(name)) | {"method": m}
-        for m, answers in by_method.items()
-        for name, values in scores(answers).items()
+        for m, outcomes in by_method.items()
+        for name, values in scores(outcomes).items()
     ]
     laws = laws_of_sets(folder, truths, _diagnoses(folder / diagnosed, names))
     if laws:
@@ -458,16 +460,16 @@ def _diagnoses(folder: Path, names: Sequence[str]) -> dict[str, dict]:
     return {n: read_verdict(folder / n) for n in names}
 
 
-def _answers(truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping]) -> list[Answer]:
-    return [answer_of(n, truth, diagnoses[n]) for n, truth in truths.items()]
+def _outcomes(truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping]) -> list[Outcome]:
+    return [outcome_of(n, truth, diagnoses[n]) for n, truth in truths.items()]
 
 
 def _set_table(
-    answers: Sequence[Answer], truths: Mapping[str, Mapping], diagnosed: Path
+    outcomes: Sequence[Outcome], truths: Mapping[str, Mapping], diagnosed: Path
 ) -> pd.DataFrame:
     """Return one row a set: what was concealed, what was reported, and the detection limit."""
     rows = []
-    for a in answers:
+    for a in outcomes:
         truth, diagnosis = truths[a.case], read_verdict(diagnosed / a.case)
         findings = diagnosis["findings"]
         rows.append(
@@ -481,7 +483,7 @@ def _set_table(
                 "verdict": diagnosis["verdict"],
                 "named": "+".join(f["name"] for f in findings),
                 "probabilities": " ".join(f"{f['probability']:.2f}" for f in findings),
-                "answer": a.answer,
+                "answer": a.outcome,
                 "least_nats": min(a.nats.values(), default=np.nan),
                 "best_method": a.tellable,
                 "rotor_speeds": truth.get("situation", {}).get("rotor_speeds"),

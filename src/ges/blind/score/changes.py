@@ -37,7 +37,7 @@ def changed_cases(before: Path, after: Path) -> dict[str, list[str]]:
             " blind run' again"
         )
     differences = {c: list(_differences(_read(before / c), _read(after / c))) for c in cases}
-    return {c: found for c, found in differences.items() if found}
+    return {c: changes for c, changes in differences.items() if changes}
 
 
 def _read(verdict: Path) -> dict:

@@ -37,7 +37,7 @@ class Comparison:
 
 
 def compare(
-    folder: Path, case: str, truth: Mapping, answers: Sequence[tuple[Mapping, Path]]
+    folder: Path, case: str, truth: Mapping, diagnoses: Sequence[tuple[Mapping, Path]]
 ) -> list[Comparison | None]:
     """Compare diagnoses of one case with the oracle, which is the same for all.
 
@@ -45,7 +45,7 @@ def compare(
     ----------
     folder : of the cases.
     case, truth : name of the case and its truth.
-    answers : each diagnosis with the path of its fitted vehicle file.
+    diagnoses : each diagnosis with the path of its fitted vehicle file.
 
     Returns
     -------
@@ -53,12 +53,12 @@ def compare(
     """
     seen = oracle.witness(folder, case, truth)
     if seen is None:
-        return [None] * len(answers)
-    known = opened.known(folder, case, truth, seen)
-    best, over_limit = known.best, known.over_limit
+        return [None] * len(diagnoses)
+    case_truth = opened.open_case(folder, case, truth, seen)
+    best, over_limit = case_truth.best, case_truth.over_limit
     claimed = [
-        {f["name"]: f["parameters"] for f in said["findings"] if f["name"] in best.parameters}
-        for said, _ in answers
+        {f["name"]: f["parameters"] for f in diagnosis["findings"] if f["name"] in best.parameters}
+        for diagnosis, _ in diagnoses
     ]
     return [
         Comparison(
@@ -66,9 +66,9 @@ def compare(
             _errors(seen, best, named, fitted),
             _intervals(best, named),
             over_limit,
-            reductions(said, known.told),
+            reductions(diagnosis, case_truth.of_true_names),
         )
-        for (said, fitted), named in zip(answers, claimed, strict=True)
+        for (diagnosis, fitted), named in zip(diagnoses, claimed, strict=True)
     ]
 
 
@@ -90,21 +90,21 @@ def _errors(
 
 def _load_error(seen: Witness, best: Oracle, names: list[str], fitted: Path) -> float:
     try:
-        held = load_vehicle(fitted).effect_values()
+        values = load_vehicle(fitted).effect_values()
     except GesError:
         return np.nan
-    if not set(names) <= set(held):
+    if not set(names) <= set(values):
         return np.nan
     # the same path for both, so that only the numbers differ
     right = seen.loads({n: {**effect_table.get(n).neutral(), **best.parameters[n]} for n in names})
-    return rms(seen.loads({n: held[n] for n in names}) - right) / max(rms(right), 1e-12)
+    return rms(seen.loads({n: values[n] for n in names}) - right) / max(rms(right), 1e-12)
 
 
-def _relative(right: Mapping[str, float], told: Mapping[str, Mapping]) -> float:
-    shared = [p for p in right if p in told]
+def _relative(right: Mapping[str, float], claimed: Mapping[str, Mapping]) -> float:
+    shared = [p for p in right if p in claimed]
     whole = np.linalg.norm(list(right.values()))
     return (
-        float(np.linalg.norm([told[p]["value"] - right[p] for p in shared]) / whole)
+        float(np.linalg.norm([claimed[p]["value"] - right[p] for p in shared]) / whole)
         if shared and whole > 0
         else np.nan
     )
@@ -117,10 +117,10 @@ def _intervals(best: Oracle, claimed: Mapping[str, Mapping]) -> tuple[int, int]:
     """
     # beside a free shape (a decay, a length) an amplitude means another thing in every fit
     checks = [
-        told[p]["ci95"][0] <= value <= told[p]["ci95"][1]
-        for name, told in claimed.items()
+        parameters[p]["ci95"][0] <= value <= parameters[p]["ci95"][1]
+        for name, parameters in claimed.items()
         if not set(FREE.get(name, ())) & set(SHAPES)
         for p, value in best.parameters[name].items()
-        if p in told and None not in told[p]["ci95"]
+        if p in parameters and None not in parameters[p]["ci95"]
     ]
     return (sum(checks), len(checks))

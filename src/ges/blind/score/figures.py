@@ -69,8 +69,8 @@ def _draw_confusion(table: pd.DataFrame) -> Figure:
         *sorted(r for r in set(table["concealed"]) if r not in _GROUPS),
         *(g for g in _GROUPS if g in set(table["concealed"])),
     ]
-    answers = set(table["answer"])
-    columns = [*sorted(answers - set(LAST)), *(c for c in LAST if c in answers)]
+    claims = set(table["answer"])
+    columns = [*sorted(claims - set(LAST)), *(c for c in LAST if c in claims)]
     counts = table.pivot_table(
         index="concealed", columns="answer", values="cases", aggfunc="sum", fill_value=0
     )
@@ -176,18 +176,18 @@ def _draw_outcomes(table: pd.DataFrame) -> Figure:
     ).loc[kinds]
     shares = counts.div(counts.sum(axis=1), axis=0)
     figure, axes = style.subplots(width=style.PAGE_IN, height=0.9 + 0.22 * len(kinds))
-    left = np.zeros(len(kinds))
+    start = np.zeros(len(kinds))
     for outcome in [o for o in OUTCOMES if o in shares]:
         axes.barh(
             range(len(kinds)),
             shares[outcome],
-            left=left,
+            left=start,
             color=OUTCOMES[outcome],
             edgecolor="white",
             lw=0.5,
             label=outcome,
         )
-        left += shares[outcome].to_numpy()
+        start += shares[outcome].to_numpy()
     axes.set_yticks(range(len(kinds)), [f"{k} ({int(counts.loc[k].sum())})" for k in kinds])
     axes.set(xlabel="share of cases", xlim=(0, 1), ylim=(len(kinds) - 0.4, -0.6))
     axes.legend(

@@ -13,7 +13,7 @@ from ges.simulator import effects as effect_table
 WORTH = 0.02
 
 
-def told_the_truth(case: Path, names: Sequence[str]) -> dict[str, Any]:
+def diagnose_true_names(case: Path, names: Sequence[str]) -> dict[str, Any]:
     """Diagnose a case given its true names.
 
     Parameters
@@ -27,21 +27,23 @@ def told_the_truth(case: Path, names: Sequence[str]) -> dict[str, Any]:
     """
     from ges.diagnose.pipeline import diagnose
 
-    known = [n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"]
-    if not known:
+    modelled = [
+        n for n in names if n in effect_table.table() and effect_table.get(n).kind != "sensor"
+    ]
+    if not modelled:
         return {}
     try:
-        return diagnose(load_set(case), names=known).content()
+        return diagnose(load_set(case), names=modelled).content()
     except GesError:
         return {}
 
 
-def reductions(said: Mapping, best: Mapping) -> dict[str, tuple[float, float]]:
+def reductions(blind: Mapping, best: Mapping) -> dict[str, tuple[float, float]]:
     """Return how much diagnosis and oracle reduce the error on held-out flights.
 
     Parameters
     ----------
-    said, best : ``diagnosis.json`` of the blind diagnosis and of the one given the true names.
+    blind, best : ``diagnosis.json`` of the blind diagnosis and of the one given the true names.
 
     Returns
     -------
@@ -52,23 +54,23 @@ def reductions(said: Mapping, best: Mapping) -> dict[str, tuple[float, float]]:
     """
     tool, oracle = (
         {"open_loop": d.get("fit", {}), "closed_loop": d.get("fit", {}).get("closed_loop", {})}
-        for d in (said, best)
+        for d in (blind, best)
     )
-    found = {
+    by_kind = {
         kind: _gains(tool[kind].get("channels", {}), oracle[kind].get("channels", {}))
         for kind in oracle
     }
-    return {kind: gains for kind, gains in found.items() if gains[1] > 0.0}
+    return {kind: gains for kind, gains in by_kind.items() if gains[1] > 0.0}
 
 
-def _gains(told: Mapping[str, Mapping], best: Mapping[str, Mapping]) -> tuple[float, float]:
+def _gains(reported: Mapping[str, Mapping], best: Mapping[str, Mapping]) -> tuple[float, float]:
     """Of the diagnosis and of the oracle, over the channels that both have."""
     tool = oracle = 0.0
-    for name in set(best) & set(told):
+    for name in set(best) & set(reported):
         # 1 - (rms after)^2 / (rms recalibrated)^2: what recalibration takes away is nobody's merit
-        left = told[name]["recalibrated"]
-        gain = 1.0 - (best[name]["after"] / left) ** 2 if left else 0.0
+        recalibrated = reported[name]["recalibrated"]
+        gain = 1.0 - (best[name]["after"] / recalibrated) ** 2 if recalibrated else 0.0
         if gain > WORTH:
             oracle += gain
-            tool += 1.0 - (told[name]["after"] / left) ** 2
+            tool += 1.0 - (reported[name]["after"] / recalibrated) ** 2
     return tool, oracle

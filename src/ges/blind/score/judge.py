@@ -78,12 +78,12 @@ def acceptable(truth: Mapping) -> list[frozenset[str]]:
     return [names, *(frozenset(other) for other in truth.get("also_acceptable", []))]
 
 
-def kind_of(said: Mapping) -> str:
+def kind_of(diagnosis: Mapping) -> str:
     """Return the verdict of a diagnosis; ``unknown`` for a law as well, which no name explains."""
-    return "unknown" if said["verdict"] == "law" else said["verdict"]
+    return "unknown" if diagnosis["verdict"] == "law" else diagnosis["verdict"]
 
 
-def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
+def judge(case: str, truth: Mapping, diagnosis: Mapping) -> Judgement:
     """Compare a diagnosis with the truth.
 
     In an ambiguous answer only names of probability 0.9 or more are claimed, the others are
@@ -93,14 +93,14 @@ def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
     ----------
     case : name of the case.
     truth : its sealed truth.
-    said : content of ``diagnosis.json``.
+    diagnosis : content of ``diagnosis.json``.
     """
-    findings, verdict = said.get("findings", []), kind_of(said)
+    findings, verdict = diagnosis.get("findings", []), kind_of(diagnosis)
     offered = {f["name"] for f in findings}
     claimed = {f["name"] for f in findings if verdict != "ambiguous" or f["probability"] >= SURE}
     right = acceptable(truth)
-    known = frozenset().union(*right)
-    flagged = verdict == "unknown" or bool(said.get("unexplained"))
+    true_names = frozenset().union(*right)
+    flagged = verdict == "unknown" or bool(diagnosis.get("unexplained"))
     category = category_of(truth)
     return Judgement(
         case=case,
@@ -111,10 +111,10 @@ def judge(case: str, truth: Mapping, said: Mapping) -> Judgement:
         claimed=tuple(sorted(claimed)),
         offered=tuple(sorted(offered - claimed)),
         outcome=_outcome(category, verdict, claimed, offered, right),
-        wrong=tuple(sorted(claimed - known)),
+        wrong=tuple(sorted(claimed - true_names)),
         flagged=flagged,
-        stated=tuple((float(f["probability"]), f["name"] in known) for f in findings),
-        located=_located(truth, said),
+        stated=tuple((float(f["probability"]), f["name"] in true_names) for f in findings),
+        located=_located(truth, diagnosis),
     )
 
 
@@ -123,14 +123,14 @@ def _outcome(
 ) -> str:
     if verdict == "failed":
         return "failed"
-    known = frozenset().union(*right)
+    true_names = frozenset().union(*right)
     # effects that look alike in these flights: to state one as proven is luck, so that only an open
     # answer with the true one in it is right
     if category == "confounded":
         return (
             "exact"
             if verdict == "ambiguous" and right[0] <= offered
-            else _named(claimed, right, known, verdict)
+            else _named(claimed, right, true_names, verdict)
         )
     if category == "unknown":
         # no name of the library is true here; what accounts for it as well follows the first
@@ -138,7 +138,7 @@ def _outcome(
             return "exact"
         return (
             "wrong"
-            if claimed - known
+            if claimed - true_names
             else "exact"
             if verdict == "unknown"
             else verdict.partition("_")[0]
@@ -146,15 +146,15 @@ def _outcome(
     if frozenset(claimed) in right and verdict not in ("ambiguous", "unknown"):
         return "exact"
     # the truth is among what was left open, and nothing false was claimed
-    if verdict == "ambiguous" and any(r <= offered for r in right) and not claimed - known:
+    if verdict == "ambiguous" and any(r <= offered for r in right) and not claimed - true_names:
         return "hedged"
-    return _named(claimed, right, known, verdict)
+    return _named(claimed, right, true_names, verdict)
 
 
 def _named(
-    claimed: set[str], right: list[frozenset[str]], known: frozenset[str], verdict: str
+    claimed: set[str], right: list[frozenset[str]], true_names: frozenset[str], verdict: str
 ) -> str:
-    if claimed - known:
+    if claimed - true_names:
         # the empty answer of a null is in every claim, and makes it no half-right one
         return "extra" if any(r and r <= claimed for r in right) else "wrong"
     if claimed:
@@ -162,7 +162,7 @@ def _named(
     return "unknown" if verdict == "unknown" else "hedged" if verdict == "ambiguous" else "nothing"
 
 
-def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
+def _located(truth: Mapping, diagnosis: Mapping) -> tuple[int, int, int]:
     """Return (found, too many, missed) channels.
 
     A trace of an effect is neither to be found nor a mistake. Where nothing is concealed every
@@ -176,7 +176,7 @@ def _located(truth: Mapping, said: Mapping) -> tuple[int, int, int]:
     )
     if not may and category_of(truth) != "null":
         return (0, 0, 0)
-    got = {_channel(entry["channel"]) for entry in said.get("located", [])}
+    got = {_channel(entry["channel"]) for entry in diagnosis.get("located", [])}
     return (len(must & got), len(got - may), len(must - got))
 
 

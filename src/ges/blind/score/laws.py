@@ -28,13 +28,13 @@ STATE_OF = {"V_x": "v_x_m_s", "V_y": "v_y_m_s", "V_z": "v_z_m_s", "r": "omega_z_
 
 
 @dataclass(frozen=True)
-class LawAnswer:
+class LawOutcome:
     """What a diagnosis says of a law that is true.
 
     Attributes
     ----------
     case : the set.
-    form : what was found, '' for nothing.
+    form : what is reported, '' for nothing.
     right : whether it has the true terms and no other.
     error : largest relative error of their coefficients; NaN where the terms are not right.
     """
@@ -45,9 +45,9 @@ class LawAnswer:
     error: float
 
 
-def law_answer(
+def law_outcome(
     case: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any], vehicle: Vehicle
-) -> LawAnswer:
+) -> LawOutcome:
     """Compare the laws of a diagnosis with those of a sealed truth.
 
     Parameters
@@ -57,7 +57,7 @@ def law_answer(
     diagnosis : content of ``diagnosis.json``.
     vehicle : of the set, whose numbers are the references of groups.
     """
-    found = {
+    reported = {
         (law["channel"], frozenset(_powers(term).items())): (term, coefficient)
         for law in diagnosis.get("laws", [])
         for term, coefficient in laws.parse(law["channel"], law["form"]).items()
@@ -67,13 +67,13 @@ def law_answer(
         for law in truth["laws"]
     }
     form = "; ".join(f"{law['channel']} = {law['form']}" for law in diagnosis.get("laws", []))
-    if set(found) != set(true):
-        return LawAnswer(case, form, False, np.nan)
+    if set(reported) != set(true):
+        return LawOutcome(case, form, False, np.nan)
     errors = [
-        abs(_in_SI(*found[key], dict(key[1]), vehicle) / coefficient - 1.0)
+        abs(_in_SI(*reported[key], dict(key[1]), vehicle) / coefficient - 1.0)
         for key, coefficient in true.items()
     ]
-    return LawAnswer(case, form, True, max(errors))
+    return LawOutcome(case, form, True, max(errors))
 
 
 def _powers(term: laws.Term) -> dict[str, int]:
@@ -100,23 +100,23 @@ def _in_SI(
     return coefficient * float(value[0, 0])
 
 
-def law_scores(answers: Sequence[LawAnswer]) -> dict[str, tuple[float, float, float, int]]:
+def law_scores(outcomes: Sequence[LawOutcome]) -> dict[str, tuple[float, float, float, int]]:
     """Return score, 95 % interval (low, high) and number of sets, by name.
 
     Returns
     -------
-    Nothing without answers. Coefficients are scored where the terms are right.
+    Nothing without sets. Coefficients are scored where the terms are right.
     """
-    right = [a.right for a in answers]
-    close = [a.error <= CLOSE for a in answers if a.right]
-    found = {"laws with the right terms": right, f"their coefficients within {CLOSE:.0%}": close}
-    return {name: (*proportion(hits), len(hits)) for name, hits in found.items() if hits}
+    right = [a.right for a in outcomes]
+    close = [a.error <= CLOSE for a in outcomes if a.right]
+    scores = {"laws with the right terms": right, f"their coefficients within {CLOSE:.0%}": close}
+    return {name: (*proportion(hits), len(hits)) for name, hits in scores.items() if hits}
 
 
 def laws_of_sets(
     folder: Path, truths: Mapping[str, Mapping], diagnoses: Mapping[str, Mapping]
-) -> list[LawAnswer]:
-    """Return the answers of all sets in which a law is true.
+) -> list[LawOutcome]:
+    """Return the outcomes of all sets in which a law is true.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def laws_of_sets(
     truths, diagnoses : by set.
     """
     return [
-        law_answer(
+        law_outcome(
             name, truth, diagnoses[name], load_vehicle(folder / "cases" / name / "vehicle.yaml")
         )
         for name, truth in truths.items()

@@ -16,7 +16,7 @@ import numpy as np
 
 from ges.blind.protocol import seal
 from ges.blind.score import oracle
-from ges.blind.score.heldout import told_the_truth
+from ges.blind.score.heldout import diagnose_true_names
 from ges.blind.score.oracle import SHAPES, Oracle, Witness, is_load, rms
 from ges.files import read_kept, sha256, tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
@@ -35,17 +35,17 @@ class Opened:
     Attributes
     ----------
     best : the oracle's parameters.
-    told : ``fit`` and ``detectable`` of the ``diagnosis.json`` given the true names.
+    of_true_names : ``fit`` and ``detectable`` of the ``diagnosis.json`` given the true names.
     over_limit : size of what is concealed over the smallest that these flights would have shown. It
         is the least of several names, and None where one has no such limit.
     """
 
     best: Oracle
-    told: Mapping
+    of_true_names: Mapping
     over_limit: float | None
 
 
-def known(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
+def open_case(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     """Return what is known of an opened case.
 
     It is worked out once for these recordings, these sources and this simulator, and kept.
@@ -57,23 +57,25 @@ def known(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     seen : noise-free truth of the flights.
     """
     kept, made_of = folder / KEPT / f"{case}.json", _made_of(folder)
-    held = read_kept(kept, dict)
-    if held.get("made_of") == made_of:
-        return Opened(_oracle(held["parameters"], held["reach"]), held["told"], held["over_limit"])
-    found = _work_out(folder, case, truth, seen)
+    stored = read_kept(kept, dict)
+    if stored.get("made_of") == made_of:
+        return Opened(
+            _oracle(stored["parameters"], stored["reach"]), stored["told"], stored["over_limit"]
+        )
+    opened = _work_out(folder, case, truth, seen)
     # JSON has no NaN
-    reach = found.best.reach if np.isfinite(found.best.reach) else None
+    reach = opened.best.reach if np.isfinite(opened.best.reach) else None
     write_json(
         kept,
         {
             "made_of": made_of,
-            "parameters": found.best.parameters,
+            "parameters": opened.best.parameters,
             "reach": reach,
-            "told": found.told,
-            "over_limit": found.over_limit,
+            "told": opened.of_true_names,
+            "over_limit": opened.over_limit,
         },
     )
-    return found
+    return opened
 
 
 def _made_of(folder: Path) -> str:
@@ -93,19 +95,21 @@ def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     names, place = [f["name"] for f in truth["findings"]], folder / "cases" / case
     best = oracle.fit(seen, names)
     # errors of the file and faults of sensors are stated by the truth, and need no fit
-    declared = oracle.declared_values(truth, load_vehicle(place / "vehicle.yaml"))
-    best = dataclasses.replace(best, parameters={**best.parameters, **declared})
-    told = told_the_truth(place, names)
+    nominal = oracle.nominal_values(truth, load_vehicle(place / "vehicle.yaml"))
+    best = dataclasses.replace(best, parameters={**best.parameters, **nominal})
+    of_true_names = diagnose_true_names(place, names)
     # companions (the drag that a wind acts through) are true as well, but not what was concealed
     sizes = [
-        _over_limit(seen, n, best, told.get("detectable", {}))
+        _over_limit(seen, n, best, of_true_names.get("detectable", {}))
         for n in names
         if n in truth.get("concealed", names[-1:])
     ]
     # a name without a limit may be the hardest to see: the others' least tells nothing
-    told_sizes = [size for size in sizes if size is not None]
-    over_limit = min(told_sizes) if sizes and len(told_sizes) == len(sizes) else None
-    return Opened(best, {part: told[part] for part in PARTS if part in told}, over_limit)
+    limited = [size for size in sizes if size is not None]
+    over_limit = min(limited) if sizes and len(limited) == len(sizes) else None
+    return Opened(
+        best, {part: of_true_names[part] for part in PARTS if part in of_true_names}, over_limit
+    )
 
 
 def _over_limit(seen: Witness, name: str, best: Oracle, detectable: Mapping) -> float | None:

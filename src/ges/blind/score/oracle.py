@@ -179,17 +179,17 @@ def _columns(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         "rotor_speed": rotor_speed(flight["rotor_speed"].shape[1]),
         "u": command(flight["u"].shape[1]),
     }
-    told = {c: flight[key][:, k] for key, names in groups.items() for k, c in enumerate(names)}
-    told |= {
+    columns = {c: flight[key][:, k] for key, names in groups.items() for k, c in enumerate(names)}
+    columns |= {
         f"rotor_acceleration_{i + 1}_rad_s2": flight["rotor_acceleration"][:, i] for i in range(4)
     }
-    return told | {"t_s": np.arange(n) * STEP_S * TRUTH_STEP}
+    return columns | {"t_s": np.arange(n) * STEP_S * TRUTH_STEP}
 
 
 def _fast(flight: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    told = {c: flight["fast_u"][:, k] for k, c in enumerate(command(flight["fast_u"].shape[1]))}
-    told["battery_V"] = flight["fast_battery"][:, 0] * flight["full_V"]
-    return told | {"t_s": np.arange(len(flight["fast_u"])) * STEP_S * FAST_STEP}
+    columns = {c: flight["fast_u"][:, k] for k, c in enumerate(command(flight["fast_u"].shape[1]))}
+    columns["battery_V"] = flight["fast_battery"][:, 0] * flight["full_V"]
+    return columns | {"t_s": np.arange(len(flight["fast_u"])) * STEP_S * FAST_STEP}
 
 
 def witness(folder: Path, case: str, truth: Mapping) -> Witness | None:
@@ -245,21 +245,21 @@ def fit(seen: Witness, names: list[str]) -> Oracle:
     -------
     ``reach`` is the mean of both parts.
     """
-    known = [n for n in names if n in FREE and n in effect_table.table()]
+    modelled = [n for n in names if n in FREE and n in effect_table.table()]
     driven = [
-        n for n in known if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
+        n for n in modelled if effect_table.get(n).kind == "actuator" and n != "actuator_mapping"
     ]
-    wrenches = [n for n in known if effect_table.get(n).kind in ("wrench", "wind")]
+    wrenches = [n for n in modelled if effect_table.get(n).kind in ("wrench", "wind")]
     # loads and rotor speeds have no common unit: each part is fitted to its own
-    found: dict[str, dict[str, float]] = {}
+    parameters: dict[str, dict[str, float]] = {}
     reach: list[float] = []
     if wrenches:
         best, share = _least_squares(wrenches, seen.loads, seen.true_loads())
-        found, reach = found | best, [*reach, share]
+        parameters, reach = parameters | best, [*reach, share]
     if driven and "fast_u" in seen.flights[0]:
         best, share = _fit_drive(driven, seen)
-        found, reach = found | best, [*reach, share]
-    return Oracle(found, float(np.mean(reach)) if reach else np.nan)
+        parameters, reach = parameters | best, [*reach, share]
+    return Oracle(parameters, float(np.mean(reach)) if reach else np.nan)
 
 
 def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, float]], float]:
@@ -271,10 +271,10 @@ def _fit_drive(names: list[str], seen: Witness) -> tuple[dict[str, dict[str, flo
     true = seen.true_speeds()
 
     def model(effects: effect_table.Effects) -> np.ndarray:
-        said = seen.speeds(effects)
+        speeds = seen.speeds(effects)
         # the top speed scales all speeds: its least-squares value is put in, not searched for
         # (variable projection)
-        return said * ((true * said).sum() / (said**2).sum())
+        return speeds * ((true * speeds).sum() / (speeds**2).sum())
 
     return _least_squares(names, model, true, [n for n in DRIVES if n not in names])
 
@@ -293,15 +293,15 @@ def _least_squares(
     names: list[str],
     model: Callable[[effect_table.Effects], np.ndarray],
     target: np.ndarray,
-    beside: Sequence[str] = (),
+    given: Sequence[str] = (),
 ) -> tuple[dict[str, dict[str, float]], float]:
     """Return the best parameters of the names, and the share that they explain.
 
-    The share is of what the effects ``beside`` them leave.
+    The share is of what the effects ``given`` them leave.
     """
     from scipy.optimize import least_squares
 
-    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *beside)}
+    table = {n: {p.name: p for p in effect_table.get(n).parameters} for n in (*names, *given)}
     # what is beside the names is fitted with them, or its errors would go into their numbers
     free = [(n, p) for n in table for p in FREE[n]]
     typical = np.array([_typical(table[n][p]) for n, p in free])
@@ -325,7 +325,7 @@ def _least_squares(
     out = least_squares(lambda x: (target - model(effects(x))).ravel(), start, **limits)
     best = effects(out.x)
     # reach = 1 - |target - model|^2 / |target - model of the rest|^2
-    none = target - model({n: best[n] for n in beside})
+    none = target - model({n: best[n] for n in given})
     share = 1.0 - (out.fun**2).sum() / max((none**2).sum(), 1e-30)
     return {n: {p: best[n][p] for p in (*FREE[n], *FIXED.get(n, {}))} for n in names}, float(share)
 
@@ -334,7 +334,7 @@ def _typical(parameter: effect_table.Parameter) -> float:
     return abs(parameter.default) or 0.1 * (parameter.high - parameter.low)
 
 
-def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, float]]:
+def nominal_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, float]]:
     """Return the parameters that follow from the truth without a fit.
 
     These are errors of the vehicle file and sensor faults.
@@ -365,11 +365,11 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
         / vehicle.thrust_coefficient_N_s2.value
     )
     inertia = {a: true[f"i{a}"] / getattr(vehicle.inertia_kg_m2, a) for a in ("xx", "yy", "zz")}
-    declared = vehicle.torque_coefficient_Nm_s2
-    if declared is None:
+    nominal = vehicle.torque_coefficient_Nm_s2
+    if nominal is None:
         raise GesError("the case's vehicle file has no torque coefficient; make the case anew")
-    torque = true["torque"] / declared.value
-    found = {
+    torque = true["torque"] / nominal.value
+    parameters = {
         "payload": {
             "mass_kg": true["mass"] * concealed.get("payload_share", 0.0),
             **{f"{a}_m": concealed.get(f"payload_{a}_m", 0.0) for a in "xy"},
@@ -386,4 +386,4 @@ def declared_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, flo
         "gyro_bias": {f"{a}_rad_s": concealed.get(f"gyro_bias_{a}_rad_s", 0.0) for a in "xyz"},
         "attitude_bias": {f"{a}_rad": concealed.get(f"att_bias_{a}_rad", 0.0) for a in "xy"},
     }
-    return {f["name"]: found[f["name"]] for f in truth["findings"] if f["name"] in found}
+    return {f["name"]: parameters[f["name"]] for f in truth["findings"] if f["name"] in parameters}

@@ -36,7 +36,7 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
     GesError
         For a folder of an evaluation seed: nothing is fitted to those.
     """
-    found = []
+    stated = []
     for folder in folders:
         made = folder / "sealed" / "made.json"
         # a folder that does not tell its seed counts as one for evaluation
@@ -48,12 +48,12 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
             )
         for name in seal.cases(folder):
             judged = judge(name, seal.truth(folder, name), read_verdict(folder / OUT / name))
-            found += [
+            stated += [
                 (p, float(true))
                 for p, true in judged.stated
                 if p != settings.statistics.certain_probability
             ]
-    return np.array(found, dtype=float).reshape(-1, 2)
+    return np.array(stated, dtype=float).reshape(-1, 2)
 
 
 def fit(log_odds: np.ndarray, true: np.ndarray) -> tuple[float, float]:
@@ -74,5 +74,5 @@ def fit(log_odds: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     from sklearn.linear_model import LogisticRegression
 
     # hardly any penalty: P(true) = 1 / (1 + exp(-a - b logit p)) at its greatest likelihood
-    found = LogisticRegression(C=1e6).fit(log_odds[:, None], true)
-    return float(found.intercept_[0]), float(found.coef_[0, 0])
+    model = LogisticRegression(C=1e6).fit(log_odds[:, None], true)
+    return float(model.intercept_[0]), float(model.coef_[0, 0])

@@ -14,7 +14,7 @@ import pandas as pd
 
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, method_folder
-from ges.blind.score.by_world import answer_of, by_rotors, power_table
+from ges.blind.score.by_world import by_rotors, outcome_of, power_table
 from ges.blind.score.coefficients import Comparison, compare
 from ges.blind.score.judge import CATEGORIES, Judgement, judge
 from ges.blind.score.statistics import (
@@ -72,12 +72,12 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
     # all sealed files, not the truths alone: scores of changed recordings would prove nothing
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
-    said = {n: read_verdict(folder / diagnosed / n) for n in names}
-    judged = [judge(n, truths[n], said[n]) for n in names]
-    held = _against_oracle(folder, truths, {diagnosed: said})[diagnosed]
-    table = _case_table(folder, diagnosed, judged, truths, held)
-    answers = [answer_of(n, truths[n], said[n]) for n in names]
-    scores = _summary(judged, table, {n: c for n, c in held.items() if c})
+    diagnoses = {n: read_verdict(folder / diagnosed / n) for n in names}
+    judged = [judge(n, truths[n], diagnoses[n]) for n in names]
+    compared = _against_oracle(folder, truths, {diagnosed: diagnoses})[diagnosed]
+    table = _case_table(folder, diagnosed, judged, truths, compared)
+    outcomes = [outcome_of(n, truths[n], diagnoses[n]) for n in names]
+    scores = _summary(judged, table, {n: c for n, c in compared.items() if c})
     tables = {
         "cases": table,
         "scores": scores,
@@ -85,9 +85,9 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
         "confusion": confusion(judged),
         "categories": _outcomes(judged),
         "reliability": reliability_table([s for j in judged for s in j.stated]),
-        "oracle": _reach(judged, held),
-        "power": power_table(answers),
-        "rotors": by_rotors(answers),
+        "oracle": _reach(judged, compared),
+        "power": power_table(outcomes),
+        "rotors": by_rotors(outcomes),
     }
     for name, frame in tables.items():
         write_csv(out / f"{name}.csv", frame)
@@ -102,21 +102,23 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
 
 
 def _against_oracle(
-    folder: Path, truths: dict, said: dict[str, dict]
+    folder: Path, truths: dict, diagnoses: dict[str, dict]
 ) -> dict[str, dict[str, Comparison | None]]:
-    """Return comparisons by folder of verdicts and case, as ``said`` holds diagnoses.
+    """Return comparisons by folder of verdicts and case, as ``diagnoses`` holds diagnoses.
 
     The oracle of a case is asked once.
     """
-    answers = {
-        n: [(told[n], folder / d / n / "vehicle.fitted.yaml") for d, told in said.items()]
+    pairs = {
+        n: [
+            (by_name[n], folder / d / n / "vehicle.fitted.yaml") for d, by_name in diagnoses.items()
+        ]
         for n in truths
     }
     # all methods at once: the oracle's fit, most of the work, is the same for them
     with ProcessPoolExecutor(PROCESSES) as pool:
-        jobs = {n: pool.submit(compare, folder, n, truths[n], answers[n]) for n in truths}
-        held = {n: dict(zip(said, job.result(), strict=True)) for n, job in jobs.items()}
-    return {d: {n: by[d] for n, by in held.items()} for d in said}
+        jobs = {n: pool.submit(compare, folder, n, truths[n], pairs[n]) for n in truths}
+        compared = {n: dict(zip(diagnoses, job.result(), strict=True)) for n, job in jobs.items()}
+    return {d: {n: by[d] for n, by in compared.items()} for d in diagnoses}
 
 
 def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:
@@ -157,26 +159,29 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     names = seal.cases(folder)
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
-    columns, said = {}, {}
+    columns, diagnoses = {}, {}
     for method in methods:
         diagnosed = method_folder(method)
         check_batches(folder, diagnosed, [p for p in verdicts if p.parent.name == method])
-        said[diagnosed] = {n: read_verdict(folder / diagnosed / n) for n in names}
-    every = _against_oracle(folder, truths, said)
+        diagnoses[diagnosed] = {n: read_verdict(folder / diagnosed / n) for n in names}
+    every = _against_oracle(folder, truths, diagnoses)
     for method in methods:
         diagnosed = method_folder(method)
-        judged, held = [judge(n, truths[n], said[diagnosed][n]) for n in names], every[diagnosed]
-        cases = _case_table(folder, diagnosed, judged, truths, held)
-        columns[method] = _summary(judged, cases, {n: c for n, c in held.items() if c}).set_index(
-            "score"
-        )[["value", "low", "high"]]
+        judged, compared = (
+            [judge(n, truths[n], diagnoses[diagnosed][n]) for n in names],
+            every[diagnosed],
+        )
+        cases = _case_table(folder, diagnosed, judged, truths, compared)
+        columns[method] = _summary(
+            judged, cases, {n: c for n, c in compared.items() if c}
+        ).set_index("score")[["value", "low", "high"]]
     side_by_side = pd.concat(columns, axis=1)
     side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
     write_csv(table, side_by_side.reset_index())
 
 
 def _case_table(
-    folder: Path, diagnosed: str, judged: Sequence[Judgement], truths: dict, held: dict
+    folder: Path, diagnosed: str, judged: Sequence[Judgement], truths: dict, compared: dict
 ) -> pd.DataFrame:
     """Return one row a case.
 
@@ -186,7 +191,7 @@ def _case_table(
     for j in judged:
         about = folder / diagnosed / j.case / "run.json"
         ran = json.loads(about.read_text()) if about.exists() else {}
-        against = held[j.case]
+        against = compared[j.case]
         # one number a case: no effect of it is further off
         worst = max(against.errors.values(), default=np.nan) if against else np.nan
         rows.append(
@@ -215,22 +220,22 @@ def _case_table(
     return pd.DataFrame(rows)
 
 
-def _reach(judged: Sequence[Judgement], held: dict) -> pd.DataFrame:
+def _reach(judged: Sequence[Judgement], compared: dict) -> pd.DataFrame:
     """Return how far the library's forms reach, by effect.
 
     It is the share of a concealed effect that the form of that name explains at best.
     """
     of = [
         # companions come before what needs them: the last name is the concealed one
-        (j.truth[-1], held[j.case].best.reach)
+        (j.truth[-1], compared[j.case].best.reach)
         for j in judged
-        if j.category in ("single", "parameter") and held[j.case]
+        if j.category in ("single", "parameter") and compared[j.case]
     ]
     frame = pd.DataFrame(of, columns=["effect", "reach"]).dropna()
-    told = (
+    table = (
         frame.groupby("effect")["reach"].agg(n="count", median="median", lowest="min").reset_index()
     )
-    return told.astype({"n": int})
+    return table.astype({"n": int})
 
 
 def f1(counts: np.ndarray) -> float:
@@ -240,8 +245,8 @@ def f1(counts: np.ndarray) -> float:
     ----------
     counts : (n, 3) rows of found, too many, missed; NaN where all are 0.
     """
-    found, many, missed = counts.sum(axis=0)
-    return 2.0 * found / (2.0 * found + many + missed) if found + many + missed else np.nan
+    right, many, missed = counts.sum(axis=0)
+    return 2.0 * right / (2.0 * right + many + missed) if right + many + missed else np.nan
 
 
 def _share(gains: np.ndarray) -> float:
@@ -268,11 +273,11 @@ def only_true(j: Judgement) -> bool | None:
 
 
 def _summary(
-    judged: Sequence[Judgement], table: pd.DataFrame, held: dict[str, Comparison]
+    judged: Sequence[Judgement], table: pd.DataFrame, compared: dict[str, Comparison]
 ) -> pd.DataFrame:
     """All scores with interval, number of cases, aim and whether it is met."""
     of = {c: [j for j in judged if j.category == c] for c in CATEGORIES}
-    found = {
+    scores = {
         "false alarms on nulls": _rate(of["null"], lambda j: j.alarm),
         "nulls given a name": _rate(of["null"], lambda j: bool(j.claimed)),
         "wrong name on singles": _rate(of["single"], lambda j: bool(j.wrong)),
@@ -299,40 +304,44 @@ def _summary(
     for category, limit in (("single", "limit"), ("pair", "limits"), ("triple", "limits")):
         # of several effects the least over its limit is told: at 1 or more all are above theirs
         above = [
-            j for j in of[category] if j.case in held and (held[j.case].over_limit or 0.0) >= 1.0
+            j
+            for j in of[category]
+            if j.case in compared and (compared[j.case].over_limit or 0.0) >= 1.0
         ]
-        found[f"{category}s exactly right above the stated detection {limit}"] = _rate(
+        scores[f"{category}s exactly right above the stated detection {limit}"] = _rate(
             above, lambda j: j.exact
         )
-    errors = np.array([e for c in held.values() for e in c.errors.values()])
-    found["coefficient error relative to the oracle, median"] = (
+    errors = np.array([e for c in compared.values() for e in c.errors.values()])
+    scores["coefficient error relative to the oracle, median"] = (
         *bootstrap(errors, np.median),
         len(errors),
     )
     # (held, tried) of a case as so many hits and misses
-    within = [k < c.intervals[0] for c in held.values() for k in range(c.intervals[1])]
-    found["intervals that hold the oracle"] = (*proportion(within), len(within))
+    within = [k < c.intervals[0] for c in compared.values() for k in range(c.intervals[1])]
+    scores["intervals that hold the oracle"] = (*proportion(within), len(within))
     for kind, words in (
         ("open_loop", "held-out reduction"),
         ("closed_loop", "held-out reduction in closed loop"),
     ):
         gains = np.array(
-            [c.reductions[kind] for c in held.values() if kind in c.reductions]
+            [c.reductions[kind] for c in compared.values() if kind in c.reductions]
         ).reshape(-1, 2)
-        found[f"{words}, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
-        found[f"{words}, median share of a case"] = (*bootstrap(gains, _median_share), len(gains))
+        scores[f"{words}, share of the oracle's"] = (*bootstrap(gains, _share), len(gains))
+        scores[f"{words}, median share of a case"] = (*bootstrap(gains, _median_share), len(gains))
     seconds = table["seconds"].dropna().to_numpy(dtype=float)
-    found["location F1"] = (*bootstrap(located, f1), len(located))
-    found["calibration error of stated probabilities"] = (
+    scores["location F1"] = (*bootstrap(located, f1), len(located))
+    scores["calibration error of stated probabilities"] = (
         *bootstrap(stated, calibration_error),
         len(stated),
     )
-    found["seconds a case, median"] = (*bootstrap(seconds, np.median), len(seconds))
-    found["seconds a case, 95 % quantile"] = (
+    scores["seconds a case, median"] = (*bootstrap(seconds, np.median), len(seconds))
+    scores["seconds a case, 95 % quantile"] = (
         *bootstrap(seconds, lambda s: float(np.quantile(s, 0.95))),
         len(seconds),
     )
-    return pd.DataFrame([score_row(name, values, AIMS.get(name)) for name, values in found.items()])
+    return pd.DataFrame(
+        [score_row(name, values, AIMS.get(name)) for name, values in scores.items()]
+    )
 
 
 def _rate(
@@ -386,17 +395,19 @@ def confusion(judged: Sequence[Judgement]) -> pd.DataFrame:
         truth = (
             j.truth if j.category in ("single", "parameter", "sensor", "unknown") else (j.category,)
         )
-        answer = j.claimed or (j.verdict,)
-        known = set(j.truth) if j.category != "unknown" else set()
+        claimed = j.claimed or (j.verdict,)
+        true_names = set(j.truth) if j.category != "unknown" else set()
         concealed = truth[-1] if truth else j.category
         # true companions are no confusion
-        rows += [(concealed, name) for name in answer if name == concealed or name not in known]
+        rows += [
+            (concealed, name) for name in claimed if name == concealed or name not in true_names
+        ]
         if j.category in ("pair", "triple") and j.claimed and not j.wrong:
             rows.append((concealed, "true names"))
         elif (
             j.category not in ("pair", "triple")
             and j.claimed
-            and not [n for n in answer if n == concealed or n not in known]
+            and not [n for n in claimed if n == concealed or n not in true_names]
         ):
             rows.append((concealed, "true companion only"))
     frame = pd.DataFrame(rows, columns=["concealed", "answer"])

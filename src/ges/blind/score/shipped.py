@@ -10,7 +10,7 @@ import pandas as pd
 
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT
-from ges.blind.score.by_world import answer_of
+from ges.blind.score.by_world import outcome_of
 from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
 
 
@@ -48,7 +48,7 @@ def _change(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -
         "verdict": diagnosis["verdict"],
         "named": " and ".join(f"{f['name']} {f.get('place') or ''}".strip() for f in findings),
         "probability": min((f["probability"] for f in findings), default=None),
-        "answer": answer_of(name, truth, diagnosis).answer,
+        "answer": outcome_of(name, truth, diagnosis).outcome,
         "sentence": diagnosis["sentence"],
     }
 

@@ -26,14 +26,14 @@ def read_verdict(folder: Path) -> dict:
     """
     path = folder / "diagnosis.json"
     try:
-        said = json.loads(path.read_text())
-        if not isinstance(said, dict) or not {"verdict", "findings"} <= said.keys():
+        content = json.loads(path.read_text())
+        if not isinstance(content, dict) or not {"verdict", "findings"} <= content.keys():
             raise ValueError("verdict or findings are missing")
     except FileNotFoundError:
         raise GesError(f"case '{folder.name}' has no verdict; run ges blind run first") from None
     except ValueError as error:
         raise GesError(f"{path} is not a diagnosis: {error}") from None
-    return said
+    return content
 
 
 def write_csv(path: Path, frame: pd.DataFrame) -> None:

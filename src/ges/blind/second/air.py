@@ -58,15 +58,15 @@ def karman_gusts(n: int, dt: float, speed: float, rng: np.random.Generator) -> n
     from scipy.signal import bilinear, lfilter
 
     time = GUST_LENGTH_M / speed
-    along = ([0.25 * time, 1.0], [0.1987 * time**2, 1.357 * time, 1.0])
-    across = (
+    longitudinal = ([0.25 * time, 1.0], [0.1987 * time**2, 1.357 * time, 1.0])
+    lateral = (
         [0.3398 * time**2, 2.7478 * time, 1.0],
         [0.1539 * time**3, 1.9754 * time**2, 2.9958 * time, 1.0],
     )
     # the filters start at rest: what comes before they have settled is dropped
     warm = int(4.0 * time / dt)
     rows = []
-    for over, under in (along, across, across):
+    for over, under in (longitudinal, lateral, lateral):
         b, a = bilinear(over, under, fs=1.0 / dt)
         row = lfilter(b, a, rng.standard_normal(n + warm))[warm:]
         rows.append(row / row.std())

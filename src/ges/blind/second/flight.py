@@ -67,7 +67,7 @@ class SecondSortie:
 
     Attributes
     ----------
-    true, declared : numbers of the vehicle and of its file, in SI units.
+    true, nominal : numbers of the vehicle and of its file, in SI units.
     radius_m : rotor radius.
     rotor_m : (4, 3) hubs in the body frame.
     spin : (4,) +1 for a rotor that turns counter-clockwise seen from above, else -1.
@@ -80,7 +80,7 @@ class SecondSortie:
     """
 
     true: Mapping[str, float]
-    declared: Mapping[str, float]
+    nominal: Mapping[str, float]
     radius_m: float
     rotor_m: np.ndarray
     spin: np.ndarray
@@ -109,7 +109,7 @@ class SecondSimulation:
         self.n = sorties[0].plan.shape[1]
         self.hid = {k: _column({**NEUTRAL, **s.numbers}[k] for s in sorties) for k in NEUTRAL}
         self.true = {k: _column(s.true[k] for s in sorties) for k in sorties[0].true}
-        self.declared = {k: _column(s.declared[k] for s in sorties) for k in sorties[0].declared}
+        self.nominal = {k: _column(s.nominal[k] for s in sorties) for k in sorties[0].nominal}
         self.radius = _column(s.radius_m for s in sorties)
         self.plain_hub = np.stack([s.rotor_m for s in sorties], axis=-1)
         self.spin = np.stack([s.spin for s in sorties], axis=-1).astype(float)
@@ -130,14 +130,14 @@ class SecondSimulation:
     def _tables(self) -> None:
         """One blade-element table a vehicle, shared by its flights."""
         disc = RHO_KG_M3 * np.pi * self.radius**4
-        thrust, found = self.true["thrust"] / disc, {}
+        thrust, tables = self.true["thrust"] / disc, {}
         keys = list(zip(np.round(self.hid["blade_s"], 6), np.round(thrust, 9), strict=True))
         for key in keys:
-            if key not in found:
-                found[key] = rotor.table_of(*key)
-        self.thrust_table = np.stack([found[k].thrust for k in keys])
-        self.inplane_table = np.stack([found[k].inplane for k in keys])
-        self.cushion_table = np.stack([found[k].cushion for k in keys])
+            if key not in tables:
+                tables[key] = rotor.table_of(*key)
+        self.thrust_table = np.stack([tables[k].thrust for k in keys])
+        self.inplane_table = np.stack([tables[k].inplane for k in keys])
+        self.cushion_table = np.stack([tables[k].cushion for k in keys])
 
     def _names(self) -> None:
         having: dict[str, list[int]] = {}
@@ -165,7 +165,7 @@ class SecondSimulation:
         self.load = self.p - np.stack([nothing, nothing, self.hid["cord_m"]])
         self.load_v = np.zeros((3, count))
         self.slosh, self.slosh_v = np.zeros((2, count)), np.zeros((2, count))
-        self.held = np.zeros((4, count))
+        self.held_command = np.zeros((4, count))
         self.history = np.zeros((512, 4, count))
         steps = self.n * CONTROL
         shaken, blown, seen = [], [], []
@@ -181,7 +181,7 @@ class SecondSimulation:
         self.steps = steps
         tuned = self.true["lag"] * self.hid["lag_gain"] + 0.5 * self.hid["frame_s"]
         places = self.plain_hub[:, :2]
-        self.pilot = Cascade(self.declared, places, self.spin, tuned, CONTROL * DT_S)
+        self.pilot = Cascade(self.nominal, places, self.spin, tuned, CONTROL * DT_S)
         # the pilot knows the load and the air of the flights before, as an integrator would
         share = np.sqrt((1.0 + self.hid["load_share"]) / self.hid["density"])
         self.pilot.trim(self._hover_command(self.hover * share), self._steady_moment())
@@ -258,12 +258,12 @@ class SecondSimulation:
         """A motor controller reads its command once a frame; it holds it until the next."""
         hid, top = self.hid, self.true["speed"]
         frame = np.maximum(np.round(2.0 * hid["frame_s"] / DT_S), 1.0)
-        self.held = np.where(i % frame == 0.0, self.u, self.held)
+        self.held_command = np.where(i % frame == 0.0, self.u, self.held_command)
         current = (self.w**3).sum(axis=0) / (4.0 * self.hover**3)
         if i % CONTROL == 0:
             battery = (self.charge, self.relax, current, hid["resistance"], hid["drain_1_s"])
             self.charge, self.relax, self.volt = drive.step_battery(*battery, CONTROL * DT_S)
-        asked = self._asked(self.held)
+        asked = self._asked(self.held_command)
         lag = self.true["lag"] * hid["lag_gain"]
         self.w, self.w_rate = drive.step_motor(self.w, self.w_rate, asked, lag, hid["coast"], DT_S)
         plain = (self.plain_w, self.plain_rate, top * self.u, self.true["lag"])
@@ -293,7 +293,7 @@ class SecondSimulation:
         if self.near.size:
             parts |= self._ground_parts(still, thrust, i)
         parts |= self._attached_parts(still)
-        # the parts add up to all that the declared law T = k w^2 does not explain
+        # the parts add up to all that the nominal law T = k w^2 does not explain
         plain = self._wrench(thrust)
         plain[5] = torque.sum(axis=0)
         whole = plain + sum(parts.values())
@@ -351,7 +351,7 @@ class SecondSimulation:
         edge, tip = np.hypot(ex, ey), np.maximum(self.w, 0.2 * self.hover) * self.radius
         mu, lam, none = edge / tip, climb / tip, 0.0 * edge
         # each with the other's motion at rest, so that each name has a part of its own
-        along = rotor.look_up(self.thrust_table, none, lam) - 1.0
+        axial_share = rotor.look_up(self.thrust_table, none, lam) - 1.0
         lifted = rotor.look_up(self.thrust_table, mu, none) - 1.0
         size = RHO_KG_M3 * np.pi * self.radius**2 * tip**2 * hid["drag_gain"]
         size = size * rotor.look_up(self.inplane_table, mu, lam) / np.maximum(edge, 1e-6)
@@ -371,7 +371,7 @@ class SecondSimulation:
         return {
             "rotor_drag": drag,
             "parasitic_drag": box,
-            "axial_inflow": self._wrench(hid["axial"] * along * thrust),
+            "axial_inflow": self._wrench(hid["axial"] * axial_share * thrust),
             "translational_lift": self._wrench(hid["edgewise"] * lifted * thrust),
         }
 

@@ -19,7 +19,7 @@ class Cascade:
 
     Parameters
     ----------
-    declared : (F,) mass, ixx, iyy, izz, thrust, torque and speed, in SI units.
+    nominal : (F,) mass, ixx, iyy, izz, thrust, torque and speed, in SI units.
     rotor_m : (4, 2, F) hubs, body x and y.
     spin : (4, F) counter-clockwise positive.
     lag_s : (F,) time constant of the drive that the gains are tuned for.
@@ -28,15 +28,15 @@ class Cascade:
 
     def __init__(
         self,
-        declared: Mapping[str, np.ndarray],
+        nominal: Mapping[str, np.ndarray],
         rotor_m: np.ndarray,
         spin: np.ndarray,
         lag_s: np.ndarray,
         dt: float,
     ) -> None:
-        self.declared, self.dt = declared, dt
-        self.inertia = np.stack([declared[k] for k in ("ixx", "iyy", "izz")])
-        ratio = declared["torque"] / declared["thrust"]
+        self.nominal, self.dt = nominal, dt
+        self.inertia = np.stack([nominal[k] for k in ("ixx", "iyy", "izz")])
+        ratio = nominal["torque"] / nominal["thrust"]
         # total thrust and moments of the rotors' thrusts; its inverse allots them
         rows = np.stack([np.ones_like(spin), rotor_m[:, 1], -rotor_m[:, 0], -spin * ratio], axis=0)
         self.allocation = np.linalg.inv(rows.transpose(2, 0, 1))
@@ -49,7 +49,7 @@ class Cascade:
         self.drift = np.zeros((3, len(lag_s)))
         self.twist = np.zeros((3, len(lag_s)))
         self.before = np.zeros((3, len(lag_s)))
-        self.held = np.zeros((3, len(lag_s)))
+        self.trim_moment = np.zeros((3, len(lag_s)))
 
     def trim(self, hover_u: np.ndarray, moment: np.ndarray) -> None:
         """Start as on a vehicle that has flown before.
@@ -59,10 +59,10 @@ class Cascade:
         hover_u : (F,) command in hover, 0 to 1.
         moment : (3, F) moment that it has to hold in hover (N m, body frame).
         """
-        thrust = 4.0 * self.declared["thrust"] * (hover_u * self.declared["speed"]) ** 2
-        lacking = thrust / self.declared["mass"] - G_M_S2
+        thrust = 4.0 * self.nominal["thrust"] * (hover_u * self.nominal["speed"]) ** 2
+        lacking = thrust / self.nominal["mass"] - G_M_S2
         self.drift[2] = lacking / (0.5 * self.velocity_gain)
-        self.held = moment
+        self.trim_moment = moment
 
     def commands(
         self, ref: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, omega: np.ndarray
@@ -78,7 +78,7 @@ class Cascade:
 
         Returns
         -------
-        (4, F) rotor speeds over the declared top speed, 0 to 1.
+        (4, F) rotor speeds over the nominal top speed, 0 to 1.
         """
         # the integrator's input is bounded, so that a far start does not wind it up
         asked = ref[3:6] + self.position_gain * (ref[0:3] - p)
@@ -90,7 +90,7 @@ class Cascade:
         push[:2] *= np.minimum(1.0, reach)
         up = push / np.linalg.norm(push, axis=0)
         body_up = _third_axis(q)
-        thrust = self.declared["mass"] * np.maximum((push * body_up).sum(axis=0), 2.0)
+        thrust = self.nominal["mass"] * np.maximum((push * body_up).sum(axis=0), 2.0)
         error = _towards(q, up, ref[9])
         wish = 2.0 * self.attitude_gain * error * np.array([[1.0], [1.0], [0.4]])
         wish[2] += ref[10]
@@ -99,13 +99,13 @@ class Cascade:
         bend, self.before = (omega - self.before) / self.dt, omega
         turn = self.rate_gain * (lack + 1.2 * self.twist) - 0.02 * bend
         # what a weak rotor or an offset asks for grows with the thrust
-        moment = self.inertia * turn - self.held * thrust / (self.declared["mass"] * G_M_S2)
+        moment = self.inertia * turn - self.trim_moment * thrust / (self.nominal["mass"] * G_M_S2)
         # yaw has the least authority of the rotors, and gives up first
-        most = np.abs(self.held[2]) + 0.02 * thrust
+        most = np.abs(self.trim_moment[2]) + 0.02 * thrust
         moment[2] = np.clip(moment[2], -most, most)
         each = np.einsum("fij,jf->if", self.allocation, np.concatenate([thrust[None], moment]))
-        speed = np.sqrt(np.maximum(each, 0.0) / self.declared["thrust"])
-        return np.clip(speed / self.declared["speed"], LEAST, 1.0)
+        speed = np.sqrt(np.maximum(each, 0.0) / self.nominal["thrust"])
+        return np.clip(speed / self.nominal["speed"], LEAST, 1.0)
 
 
 def _third_axis(q: np.ndarray) -> np.ndarray:

@@ -94,8 +94,8 @@ def coefficients(
         lifting = np.maximum(thrust, 1e-6)
         induced = np.sqrt(lifting / 2.0)
         for _ in range(INNER):
-            through = np.maximum(np.hypot(mu, climb + induced), 1e-4)
-            induced = 0.5 * (induced + lifting / (2.0 * through))
+            resultant = np.maximum(np.hypot(mu, climb + induced), 1e-4)
+            induced = 0.5 * (induced + lifting / (2.0 * resultant))
         # a skewed wake blows harder through the rear of the disc
         chi = np.arctan2(mu, np.maximum(climb + induced, 1e-4))
         bias = np.tan(0.5 * chi)[:, None, None] * r * np.cos(psi)

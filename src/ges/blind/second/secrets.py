@@ -128,7 +128,7 @@ def _cushion(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     return {"blade_s": 0.9, "cushion": craft.cushion_for(gain, 0.9)}
 
 
-def _beside(level: int) -> int:
+def _of_companion(level: int) -> int:
     return max(level, 1)
 
 
@@ -166,13 +166,13 @@ SECRETS: dict[str, Callable[[Craft, int, np.random.Generator], Numbers]] = {
     "gusts": _gusts,
     "ground_effect": _cushion,
     "ground_effect_forward_flight": lambda c, k, rng: (
-        _cushion(c, _beside(k), rng) | {"sweep": _near(k, (1.5, 3.0, 5.0), rng)}
+        _cushion(c, _of_companion(k), rng) | {"sweep": _near(k, (1.5, 3.0, 5.0), rng)}
     ),
     "ground_effect_lag": lambda c, k, rng: (
-        _cushion(c, _beside(k), rng) | {"wake_delay": _near(k, (2.0, 5.0, 9.0), rng)}
+        _cushion(c, _of_companion(k), rng) | {"wake_delay": _near(k, (2.0, 5.0, 9.0), rng)}
     ),
     "ground_effect_moment": lambda c, k, rng: (
-        _cushion(c, _beside(k), rng) | {"levelling": _near(k, (0.15, 0.35, 0.7), rng)}
+        _cushion(c, _of_companion(k), rng) | {"levelling": _near(k, (0.15, 0.35, 0.7), rng)}
     ),
     "fountain_lift": lambda c, k, rng: {"fountain": _near(k, (0.03, 0.06, 0.11), rng)},
     "battery_sag": lambda c, k, rng: {"sags": _near(k, (0.35, 0.65, 1.0), rng)},
@@ -205,7 +205,7 @@ SECRETS: dict[str, Callable[[Craft, int, np.random.Generator], Numbers]] = {
         "torque_error": 1.0 + _either(rng) * _near(k, (0.3, 0.45, 0.6), rng)
     },
 }
-STRANGERS: dict[str, Callable[[Craft, int, np.random.Generator], Numbers]] = {
+UNLISTED: dict[str, Callable[[Craft, int, np.random.Generator], Numbers]] = {
     "magnus": lambda c, k, rng: {"magnus_s": _near(k, (0.03, 0.06, 0.12), rng)},
     "dragged_cable": lambda c, k, rng: {"rubbing": _near(k, (0.01, 0.025, 0.05), rng)},
     "slosh": lambda c, k, rng: {"slosh": _near(k, (0.1, 0.2, 0.35), rng)},

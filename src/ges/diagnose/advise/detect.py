@@ -81,12 +81,12 @@ class _Entry:
 
 
 def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
-    found = [
+    listed = [
         (name, columns)
         for (name, _), columns in regression.by_variant().items()
         if name not in leave_out
     ]
-    many, most = Counter(name for name, _ in found), _largest_gain(regression)
+    many, most = Counter(name for name, _ in listed), _largest_gain(regression)
     return [
         _Shape(
             name,
@@ -95,7 +95,7 @@ def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> l
             np.minimum(gain, most),
             cost + math.log(many[name]) - log_rarity([name]),
         )
-        for name, columns in found
+        for name, columns in listed
         for gain, cost in [expected_evidence(gram, columns, regression.prior.sd)]
     ]
 
@@ -217,14 +217,14 @@ def _sizes(regression: Regression) -> _Sizes:
 
 
 def smallest_detectable(
-    regression: Regression, found: Mapping[str, DetectedEffect] | None = None
+    regression: Regression, accepted: Mapping[str, DetectedEffect] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Return the smallest detectable size of every effect.
 
     Parameters
     ----------
     regression : of the search, with the columns of every candidate.
-    found : accepted effects. Others are evaluated given them, and each of them given the rest.
+    accepted : accepted effects. Others are evaluated given them, and each of them given the rest.
 
     Returns
     -------
@@ -232,13 +232,17 @@ def smallest_detectable(
     fixed parameters), and ``limited_by``. The last is the rival that is hardest to separate, '' for
     noise.
     """
-    pooled, unit, given = regression.pool(), _sizes(regression), found or {}
+    pooled, unit, given = regression.pool(), _sizes(regression), accepted or {}
     content: dict[str, dict[str, Any]] = {}
     for name, effect in given.items():
         alone = _sizes_given(regression, pooled, unit, {*given} - {name}, name)
         content |= {name: _entry_of_detected(alone[name], effect)} if name in alone else {}
     others = _sizes_given(regression, pooled, unit, {*given}, None)
-    return content | {name: _median_entry(entries) for name, entries in others.items()}
+    # of the shapes the middle one by relative size
+    for name, entries in others.items():
+        ranked = sorted(entries, key=lambda entry: entry.relative)
+        content[name] = ranked[(len(entries) - 1) // 2].content
+    return content
 
 
 def _entry_of_detected(entries: Sequence[_Entry], detected: DetectedEffect) -> dict[str, Any]:
@@ -283,11 +287,6 @@ def _sizes_given(
 def _is_reported(column: DesignColumn) -> bool:
     """Return whether a column has a size: the main part of effects that nothing modifies."""
     return column.part != "moment" and not modifiers_of(variant_of(column))
-
-
-def _median_entry(entries: Sequence[_Entry]) -> dict[str, Any]:
-    """Return the middle of entries by their relative size."""
-    return sorted(entries, key=lambda entry: entry.relative)[(len(entries) - 1) // 2].content
 
 
 def _entry(regression: Regression, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:

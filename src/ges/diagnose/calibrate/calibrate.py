@@ -157,8 +157,8 @@ def _drive_effects() -> list[Effect]:
     return [
         e
         for e in effect_table.table().values()
-        if e.kind == "actuator" and any(p.doubt for p in e.parameters)
-        if not any(p.corrects or p.doubt and p.doubt.timing for p in e.parameters)
+        if e.kind == "actuator" and any(p.prior for p in e.parameters)
+        if not any(p.corrects or p.prior and p.prior.timing for p in e.parameters)
     ]
 
 
@@ -387,7 +387,7 @@ def _usual_sd(key: str, model: Model) -> float:
         gain_sd = settings.calibrate.spread * settings.calibrate.loss_sd
         return 0.5 * gain_sd * model.number("max_rotor_speed_rad_s")
     effect, parameter = ParameterKey.of(key)
-    usual = effect_table.get(effect).parameter(parameter).doubt
+    usual = effect_table.get(effect).parameter(parameter).prior
     return usual.sd if usual else 0.0
 
 
@@ -704,7 +704,7 @@ def _calibrated_structure(
 def _moved_warnings(numbers: Mapping[str, Number]) -> list[str]:
     """Return a sentence for every nominal parameter that moved clearly beyond its prior sd."""
     return [
-        f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its declared sd of"
+        f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its prior sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
         for key, n in numbers.items()
         if corrected_numbers(key) != key

@@ -23,7 +23,6 @@ from ges.diagnose.design.system import System, build, variant_of
 from ges.diagnose.detectors.loads import probable_load, refine_load
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import with_rollout_path
-from ges.diagnose.library.available import candidates_of
 from ges.diagnose.library.candidates import (
     Candidate,
     amplitude_of,
@@ -31,6 +30,7 @@ from ges.diagnose.library.candidates import (
     has_prerequisite,
     modifiers_of,
 )
+from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.select.alike import Alike
 from ges.diagnose.select.evidence import Posterior, Regression, make_regression
 from ges.diagnose.select.scorer import entries
@@ -42,7 +42,7 @@ from ges.diagnose.select.search import (
 )
 from ges.diagnose.select.stable import search_until_stable
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -92,7 +92,7 @@ class Accepted:
         return (*self.names, *itertools.islice(self.alternatives, 1))
 
 
-def accept(start: Regression, record: Record, only: Sequence[str] | None = None) -> Accepted:
+def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = None) -> Accepted:
     """Search the library in rounds, and accept what passes the rules.
 
     Parameters
@@ -189,7 +189,9 @@ class _Selection:
         return _Selection(self.names + new, fitted, {**self.probability, **probability})
 
 
-def _with_best_forms_in_wind(selection: _Selection, system: System, record: Record) -> _Selection:
+def _with_best_forms_in_wind(
+    selection: _Selection, system: System, record: DecisionLog
+) -> _Selection:
     """Replace drags by others of their family that fit better in the wind that was accepted."""
     if selection.fitted is None:
         return selection
@@ -201,7 +203,7 @@ def _with_best_forms_in_wind(selection: _Selection, system: System, record: Reco
     )
 
 
-def _contested_names(context: RuleContext, record: Record) -> set[str]:
+def _contested_names(context: RuleContext, record: DecisionLog) -> set[str]:
     """Return names that could not be separated from others, and those others."""
     result = context.result
     undone = [
@@ -332,7 +334,7 @@ def _fit_significant(
     base: Model,
     fitted: Fitted | None,
     system: System,
-    record: Record,
+    record: DecisionLog,
     names_searched: bool,
 ) -> tuple[tuple[str, ...], Fitted | None]:
     """Return the new names that are significant in a full fit, and that fit.
@@ -359,7 +361,7 @@ def _fit_significant(
 
 
 def _best_forms_in_wind(
-    fitted: Fitted, names: Sequence[str], system: System, record: Record
+    fitted: Fitted, names: Sequence[str], system: System, record: DecisionLog
 ) -> tuple[Fitted, dict[str, str]]:
     """Return the fit with better forms of drags that a wind acts through.
 
@@ -435,7 +437,7 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, fitted=polished)
 
 
-def fit_alternatives(accepted: Accepted, record: Record) -> Accepted:
+def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
     """Fit every open name in full, added to what is accepted.
 
     Parameters

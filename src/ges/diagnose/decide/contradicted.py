@@ -58,7 +58,7 @@ class Contradicted:
     @property
     def is_trim(self) -> bool:
         """Whether it is a trim of a calibrated file, and no number of the vehicle."""
-        return not _is_nominal(self.key)
+        return self.key != SPEED and corrected_numbers(self.key) == self.key
 
     @property
     def sds(self) -> float:
@@ -74,7 +74,7 @@ class Contradicted:
             )
         return (
             f"The vehicle file is wrong about {corrected_numbers(self.key)}: these flights need"
-            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its doubt."
+            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its prior sd."
         )
 
 
@@ -106,11 +106,6 @@ def contradicted_parameters(
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
     ]
     return sorted(contradicted, key=lambda c: -c.sds)
-
-
-def _is_nominal(key: str) -> bool:
-    """Return whether an ``effect.parameter`` corrects a number of the vehicle file."""
-    return key == SPEED or corrected_numbers(key) != key
 
 
 def _relative_correction(key: str, value: float, model: Model) -> float:

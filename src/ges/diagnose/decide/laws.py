@@ -196,7 +196,7 @@ def _overdone(
         of_law, of_residual = (
             math.hypot(*map(_spread, rows)) for rows in (contribution, residuals)
         )
-        if settings.statistics.large_part * of_law > of_residual:
+        if settings.decide.law_cover * of_law > of_residual:
             overdone.add(channel)
     return overdone
 

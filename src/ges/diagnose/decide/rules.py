@@ -25,7 +25,7 @@ from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.simulator import effects as effect_table
 
 
@@ -220,7 +220,7 @@ SEARCH_RULES: tuple[Rule, ...] = (
 
 
 def apply_rules(
-    rules: Sequence[Rule], context: RuleContext, names: Sequence[str], record: Record
+    rules: Sequence[Rule], context: RuleContext, names: Sequence[str], record: DecisionLog
 ) -> tuple[str, ...]:
     """Apply rules in order.
 
@@ -350,7 +350,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
         )
         if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
-    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its doubt"
+    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
 
 

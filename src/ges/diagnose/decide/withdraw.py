@@ -26,7 +26,7 @@ from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms
 from ges.diagnose.locate.stages import Stage, Start, make_stage
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.types.decision import Decision, Record
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model, block_of
 
 
@@ -54,7 +54,7 @@ def explain_flights(
     start: Start,
     nominal: Model,
     nominal_gusts: Mapping[str, float] | None,
-    record: Record,
+    record: DecisionLog,
     only: Sequence[str] | None,
 ) -> Explanation:
     """Accept what the library explains, fit it in full, and find gusts in the residuals.
@@ -159,7 +159,7 @@ def refit_with_open_names(
     unexplained: list[Structure],
     start: Start,
     nominal: Model,
-    record: Record,
+    record: DecisionLog,
 ) -> tuple[Explanation, list[Structure]]:
     """Refit with each open name; the most probable becomes part of the last stage.
 
@@ -183,7 +183,7 @@ def refit_with_open_names(
     return refitted, unexplained_structures(refitted.structures, refitted.last.model)
 
 
-def practically_significant(name: str, size: Mapping, model: Model, record: Record) -> bool:
+def practically_significant(name: str, size: Mapping, model: Model, record: DecisionLog) -> bool:
     """Decide whether a finding is above the practical significance threshold of its channel.
 
     Parameters

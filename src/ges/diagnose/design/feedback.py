@@ -170,10 +170,11 @@ def flight_instruments(
     z = instruments(flight, windows, model, names)
     signal = rotor_signals(flight, windows, model, speeds, names)
     block = blocks_of([(windows, flight.t_s[0])], settings.statistics.block_s)[0]
+    # channels in which a controller's response shows
     shown = [
         n
-        for n, known in zip(names, np.isfinite(y).all(axis=0), strict=True)
-        if known and _shows_feedback(n)
+        for n, finite in zip(names, np.isfinite(y).all(axis=0), strict=True)
+        if finite and (block_of(n) in ("moment", DRIVE) or n in VERTICAL)
     ]
     return FlightInstruments(
         z, signal, {n: instrument_strength(signal[n], z[n], block) for n in shown}
@@ -207,12 +208,7 @@ def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[s
 
 def _is_strong(share: float) -> bool:
     """Return whether instruments predict enough of a signal."""
-    return share > settings.statistics.large_part
-
-
-def _shows_feedback(name: str) -> bool:
-    """Return whether a controller's response shows in a channel."""
-    return block_of(name) in ("moment", DRIVE) or name in VERTICAL
+    return share > settings.design.instrument_strength_least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -249,7 +245,7 @@ class _Channel:
         """
         rest = self.remainder(x, mean_counts=True)
         # a high pass; its width in windows, which stand half a length apart
-        width = settings.design.answer_slowest_s / (0.5 * self.length_s)
+        width = settings.design.response_slowest_s / (0.5 * self.length_s)
         return rest - gaussian_filter1d(rest, width, axis=0)
 
     def endogenous_share(self) -> np.ndarray:
@@ -305,14 +301,14 @@ def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.n
 
 def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
     """Return fast changes along thrust."""
-    known = channel.name in channel.instruments.strength
-    return channel.fast_remainder(x) if known and channel.name in VERTICAL else None
+    has_instruments = channel.name in channel.instruments.strength
+    return channel.fast_remainder(x) if has_instruments and channel.name in VERTICAL else None
 
 
 def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
     """Return changes of a rotor's speed."""
-    known = channel.name in channel.instruments.strength
-    if not known or block_of(channel.name) != DRIVE:
+    has_instruments = channel.name in channel.instruments.strength
+    if not has_instruments or block_of(channel.name) != DRIVE:
         return None
     return channel.remainder(x, mean_counts=True)
 
@@ -336,8 +332,8 @@ PARTS: tuple[tuple[str, Part], ...] = (
 
 def _is_balance(channel: _Channel) -> bool:
     """Return whether a channel is one of moments, or of forces along thrust, without gaps."""
-    known = channel.name in channel.instruments.strength
-    return known and block_of(channel.name) != DRIVE
+    has_instruments = channel.name in channel.instruments.strength
+    return has_instruments and block_of(channel.name) != DRIVE
 
 
 def endogenous_parts(
@@ -384,20 +380,20 @@ def endogenous_parts(
 
 
 def merge_endogenous_parts(
-    known: EndogenousParts, new: EndogenousParts, on: Collection[str]
+    earlier: EndogenousParts, new: EndogenousParts, on: Collection[str]
 ) -> EndogenousParts:
     """Merge endogenous parts of two sets of columns of the same windows.
 
     Parameters
     ----------
-    known, new : parts; the new ones replace known ones.
+    earlier, new : parts; the new ones replace known ones.
     on : keys of the model's effects. With a gain near the ground on, no other such gain is
         endogenous: its moment is explained.
     """
     gain_is_on = any(map(near_ground_gain, on))
     kept = {
         at: {key: x for key, x in parts.items() if not (gain_is_on and near_ground_gain(key))}
-        for at, parts in known.items()
+        for at, parts in earlier.items()
     }
     merged = {at: {**kept.get(at, {}), **new.get(at, {})} for at in dict.fromkeys((*kept, *new))}
     return {at: parts for at, parts in merged.items() if parts}

@@ -661,8 +661,8 @@ def _range_output(
     if not faults and not late:
         return output
     straight = {name: values for name, values in effects.items() if name not in faults}
-    known = _reused_output(reuse, drive, reuse.motion, straight) if reuse and not late else None
-    return known or replay_model(flight, model, straight, drive.acting, late=late)[1]
+    earlier = _reused_output(reuse, drive, reuse.motion, straight) if reuse and not late else None
+    return earlier or replay_model(flight, model, straight, drive.acting, late=late)[1]
 
 
 def replay_with_each(

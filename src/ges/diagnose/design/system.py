@@ -311,12 +311,12 @@ def nuisances(
         present.add("command")
     voltage = all(f.has("battery") for f in flights)
     listed = [
-        _nuisance(f"{effect.name}.{p.name}", p.doubt, model, flights)
+        _nuisance(f"{effect.name}.{p.name}", p.prior, model, flights)
         for effect in effect_table.table().values()
         if attitude_measured(flights) or not needs_attitude(effect.name)
         if not effect.modifies or effect.modifies in model.effects
         for p in effect.of_rotors(model.n_rotors)
-        if p.doubt and set(p.doubt.shows_in) & present and (voltage or not p.doubt.with_voltage)
+        if p.prior and set(p.prior.shows_in) & present and (voltage or not p.prior.with_voltage)
     ]
     # the top speed is a number of the vehicle: no effect's descriptor has a prior for it
     if "drive" in present:
@@ -327,7 +327,7 @@ def nuisances(
 
 
 def _nuisance(
-    key: str, prior: effect_table.Doubt, model: Model, flights: Sequence[Prepared]
+    key: str, prior: effect_table.ParameterPrior, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
     """Return one parameter with its priors, centred on the vehicle file."""
     effect, parameter = ParameterKey.of(key)
@@ -552,7 +552,7 @@ def flight_rows(
     names: Sequence[str],
     columns: Sequence[DesignColumn],
     length_s: float,
-    known_columns: Mapping | None = None,
+    computed_columns: Mapping | None = None,
     like: FlightRows | None = None,
 ) -> FlightRows:
     """Compute residuals and columns of one flight.
@@ -564,7 +564,7 @@ def flight_rows(
     names : of the C channels.
     columns : of the design.
     length_s : support of the test functions.
-    known_columns : columns to reuse, nuisances by key and others by recipe.
+    computed_columns : columns to reuse, nuisances by key and others by recipe.
     like : rows of the same flight, whose instruments are reused: they hardly change with effects.
 
     Notes
@@ -582,14 +582,14 @@ def flight_rows(
     base = evaluate(flight, windows, model, here)
     y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
-    known, by_recipe = known_columns or {}, {c.recipe: c for c in columns}
-    known_key = {recipe: c.key if c.nuisance else recipe for recipe, c in by_recipe.items()}
-    new = {recipe: c for recipe, c in by_recipe.items() if known_key[recipe] not in known}
+    computed, by_recipe = computed_columns or {}, {c.recipe: c for c in columns}
+    computed_key = {recipe: c.key if c.nuisance else recipe for recipe, c in by_recipe.items()}
+    new = {recipe: c for recipe, c in by_recipe.items() if computed_key[recipe] not in computed}
     # drives of all new columns are flown as one batch; what remembers its path goes as many at a
     # time as the simulator has lanes, for a replay of a long flight is large
     drives = _fly_additions(flight, model, here, _additions(model, new.values()))
     evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
-    values = {recipe: known[known_key[recipe]] for recipe in by_recipe if recipe not in new}
+    values = {recipe: computed[computed_key[recipe]] for recipe in by_recipe if recipe not in new}
     to_compute = list(new.items())
     for first in range(0, len(to_compute), MOST_LANES):
         batch = to_compute[first : first + MOST_LANES]
@@ -733,16 +733,16 @@ def thrust_change(
     return windows.mean @ rate * (every if np.isfinite(every) else flight.dt_s)
 
 
-def _known_columns(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
+def _computed_columns(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
     """Return columns of one flight to reuse.
 
     Nuisances are by key. Others are by recipe, if wanted and computed for this very model.
     """
-    known: dict = {key: flight.x.column(k) for key, k in system.nuisances.items()}
+    computed: dict = {key: flight.x.column(k) for key, k in system.nuisances.items()}
     for k, c in enumerate(system.columns) if system.model is model else ():
         if c.variant is not None and c.recipe in wanted:
-            known[c.recipe] = known.get(c.recipe, {}) | flight.x.column(k)
-    return known
+            computed[c.recipe] = computed.get(c.recipe, {}) | flight.x.column(k)
+    return computed
 
 
 def _column_parts(effect: str, others_present: Collection[str]) -> tuple[str, ...]:
@@ -781,7 +781,7 @@ def build(
     names = with_higher_orders(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
         [DesignColumn(n.key, nuisance=n) for n in nuisances(model, main, flights)]
-        if settings.design.declared_tolerance
+        if settings.design.nominal_tolerance
         else []
     )
     for v in variants:
@@ -796,11 +796,13 @@ def build(
         ]
     reused: Sequence[FlightRows | None] = like.flights if like else [None] * len(flights)
     wanted = {c.recipe for c in columns}
-    known_columns = [_known_columns(like, r, model, wanted) if like and r else {} for r in reused]
+    computed_columns = [
+        _computed_columns(like, r, model, wanted) if like and r else {} for r in reused
+    ]
     of_flights = each(
         lambda f, k, r: flight_rows(f, model, names, columns, length_s, k, r),
         flights,
-        known_columns,
+        computed_columns,
         reused,
     )
     return System(model, names, tuple(columns), tuple(of_flights), length_s)

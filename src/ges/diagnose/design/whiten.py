@@ -438,9 +438,9 @@ def _innovation(
     order = weights.shape[1] - 1
     # lines count from the last, the full filter, which may be the only one;
     # places before the known past repeat its first row, with weight zero
-    known = np.minimum(past, order)
-    values = weights[known - order - 1] / sd[:, None]
-    before = at[:, None] - np.minimum(np.arange(order + 1), known[:, None])
+    lags = np.minimum(past, order)
+    values = weights[lags - order - 1] / sd[:, None]
+    before = at[:, None] - np.minimum(np.arange(order + 1), lags[:, None])
     return csr_array(
         (values.ravel(), before.ravel(), np.arange(len(at) + 1) * (order + 1)),
         shape=(len(at), count),

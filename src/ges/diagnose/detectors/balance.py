@@ -21,7 +21,7 @@ from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -196,7 +196,7 @@ def _as_finding(
         note = f"near rotor {cause.rotor}" + (
             f"; the vehicle file has {start:.3g}" if start else ""
         )
-        estimates[key] = Estimate(start + per * cause.value, (low, high), units[key], note)
+        estimates[key] = FittedParameter(start + per * cause.value, (low, high), units[key], note)
     return Finding.of(name, float(probability), estimates, is_open=True)
 
 
@@ -244,18 +244,14 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
     if not _states_balance(system, column):
         return []
     y, x, precision = _mean_balance(system, [*losses_of(system.model), *MASS], column)
+    # change of the residual per loss of a rotor, and per kilogram at its hub
     directions = [
-        (_loss_direction(x, i), _mass_direction(x, i, system)) for i in range(system.model.n_rotors)
+        (x[LOSSES[i]], _mass_direction(x, i, system)) for i in range(system.model.n_rotors)
     ]
     return [
         (_estimate_cause(y, loss, precision, i), _estimate_cause(y, mass, precision, i))
         for i, (loss, mass) in enumerate(directions, 1)
     ]
-
-
-def _strongest(causes: Sequence[tuple[Cause, Cause]]) -> tuple[Cause, Cause]:
-    """Return both causes at the rotor that explains most."""
-    return max(causes, key=lambda pair: max(c.distance_explained for c in pair))
 
 
 def balance_shift(system: System) -> Shift | None:
@@ -272,7 +268,8 @@ def balance_shift(system: System) -> Shift | None:
     causes = causes_of(system)
     if not causes:
         return None
-    loss, mass = _strongest(causes)
+    # at the rotor that explains most
+    loss, mass = max(causes, key=lambda pair: max(c.distance_explained for c in pair))
     # Bonferroni over two causes at every rotor; each of them explains on one side only
     least = ndtri(settings.statistics.chance / (2 * len(causes))) ** 2
     gained = max(loss.distance_explained, mass.distance_explained)
@@ -315,11 +312,6 @@ def _mean_balance(
         n = nuisance_of(system.columns[column[key]])
         covariance += (n.sd**2 + n.flight_sd**2 / count) * np.outer(x[key], x[key])
     return y, x, np.linalg.inv(covariance)
-
-
-def _loss_direction(x: dict[str, np.ndarray], i: int) -> np.ndarray:
-    """Return change of the residual per loss of one rotor, (4,)."""
-    return x[LOSSES[i]]
 
 
 def _mass_direction(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.simulator import effects as effect_table
 
 
@@ -29,7 +29,7 @@ def gate_findings(gate: Gate, prior_sds: Mapping[str, float]) -> list[Finding]:
     """
     findings = []
     if gate.pose and abs(gate.pose.delay_s) > _clear_delay_s(gate.pose, prior_sds):
-        value = Estimate(
+        value = FittedParameter(
             gate.pose.delay_s,
             interval95(gate.pose.delay_s, gate.pose.sd_s),
             "s",
@@ -42,7 +42,7 @@ def gate_findings(gate: Gate, prior_sds: Mapping[str, float]) -> list[Finding]:
         )
     if gate.gyro:
         estimates = {
-            f"{a}_rad_s": Estimate(float(b), interval95(float(b), float(s)), "rad/s")
+            f"{a}_rad_s": FittedParameter(float(b), interval95(float(b), float(s)), "rad/s")
             for a, b, s in zip("xyz", *gate.gyro, strict=True)
         }
         findings.append(
@@ -57,12 +57,12 @@ def gate_findings(gate: Gate, prior_sds: Mapping[str, float]) -> list[Finding]:
 
 def _clear_delay_s(pose: Delay, prior_sds: Mapping[str, float]) -> float:
     """Return the delay from which a pose is certainly later than its prior allows."""
-    usual = effect_table.get("time_offset").parameter("delay_s").doubt
+    usual = effect_table.get("time_offset").parameter("delay_s").prior
     prior_sd_s = prior_sds.get("time_offset.delay_s", usual.sd if usual else 0.0)
     return settings.statistics.certain_sds * math.hypot(pose.sd_s, prior_sd_s)
 
 
-def _certain_finding(name: str, parameters: dict[str, Estimate], size: dict) -> Finding:
+def _certain_finding(name: str, parameters: dict[str, FittedParameter], size: dict) -> Finding:
     return Finding.of(
         name, settings.statistics.certain_probability, parameters, {**size, "share_of_weight": 0.0}
     )

@@ -26,7 +26,7 @@ from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequis
 from ges.diagnose.prepare.channels import FORCE
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding
+from ges.diagnose.types.finding import Finding, FittedParameter
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -65,7 +65,7 @@ class Gusts:
 
     def finding(self) -> Finding:
         """Return the gusts as a finding of the contract."""
-        value = Estimate(self.strength_m_s, self.ci95, "m/s")
+        value = FittedParameter(self.strength_m_s, self.ci95, "m/s")
         size = {
             "value": self.force_N,
             "unit": "N",
@@ -110,7 +110,7 @@ def load_may_push(
     axes = [c for c, name in enumerate(system.main) if name in FORCE]
     pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
     sizes_N = [float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls]
-    return any(force_N < settings.statistics.large_part * size_N for size_N in sizes_N)
+    return any(force_N < settings.detect.leaning_share * size_N for size_N in sizes_N)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -197,7 +197,7 @@ def find_gusts(
         return None
     # F test: two axes of every stretch against what its shorter means have about their own mean
     count = 2 * len(equivalent.stretches)
-    parts = settings.statistics.block_s / settings.design.answer_slowest_s
+    parts = settings.statistics.block_s / settings.design.response_slowest_s
     chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
     if chance > settings.statistics.chance:
         return None
@@ -259,14 +259,14 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     first = np.cumsum([0, *(len(f.at) for f in forces)])
     # wind, profile and drag may be anything; a trim is a tilt within its prior sd, a share of
     # weight
-    tilt = effect_table.get("attitude_bias").parameters[0].doubt
+    tilt = effect_table.get("attitude_bias").parameters[0].prior
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _EquivalentWind(
         np.concatenate([f.wind for f in forces]),
         np.concatenate([_regressors(f, i, len(forces)) for i, f in enumerate(forces)]),
         np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
         [k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f)],
-        max(1, round(settings.design.answer_slowest_s / (0.5 * forces[0].rows.windows.length_s))),
+        max(1, round(settings.design.response_slowest_s / (0.5 * forces[0].rows.windows.length_s))),
     )
 
 

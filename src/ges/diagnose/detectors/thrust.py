@@ -19,7 +19,7 @@ from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED
 from ges.diagnose.types.words import number_words
@@ -49,7 +49,7 @@ class UnmeasuredThrust:
 
     system: System
     key: str
-    excess: Estimate
+    excess: FittedParameter
     prior_sd: float
     rivals: tuple[str, ...]
 
@@ -70,7 +70,7 @@ class UnmeasuredThrust:
             [f"another {SPEED.split('.')[1]}"] if self.key == SPEED else []
         )
         causes = f"{', '.join(some)} or {last}"
-        kind_of_sd = "declared" if self.key in self.system.model.prior_sds else "usual"
+        kind_of_sd = "prior" if self.key in self.system.model.prior_sds else "usual"
         return (
             f"{self._off(value, half)}, {times} times its {kind_of_sd} sd."
             f" {causes[0].upper()}{causes[1:]} would do it; where the voltage is logged ({VOLTAGE})"
@@ -176,5 +176,9 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     )
     sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
     return UnmeasuredThrust(
-        system, key, Estimate(value, interval95(value, sd), "1"), prior_sds[key] / unit, rivals
+        system,
+        key,
+        FittedParameter(value, interval95(value, sd), "1"),
+        prior_sds[key] / unit,
+        rivals,
     )

@@ -382,7 +382,7 @@ def _usual_over_fitted(values: dict[str, dict[str, float]], usual: effect_table.
 
     The latter is raised to a part of the usual one first.
     """
-    share, least = 1.0, settings.statistics.large_part
+    share, least = 1.0, settings.estimate.prerequisite_share_least
     for prerequisite, sizes in usual.items():
         for parameter, value in sizes.items():
             if prerequisite in values:

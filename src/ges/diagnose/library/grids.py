@@ -104,9 +104,9 @@ def _usual_prerequisite(effect: Effect, model: Model) -> effect_table.Effects:
 
     At 1 m/s it makes its usual share of the weight.
     """
-    if not effect.through or set(effect.through) & set(model.effects):
+    if not effect.requires_one_of or set(effect.requires_one_of) & set(model.effects):
         return {}
-    prerequisite = effect_table.get(effect.through[0])
+    prerequisite = effect_table.get(effect.requires_one_of[0])
     # a rotor drag, c v times the sum of speeds, is that share of the weight at 1 m/s in hover
     (p,) = (p for p in prerequisite.parameters if p.usual_share)
     return {

@@ -1,4 +1,4 @@
-"""What a recording cannot show: effects and channels, each with what would have to be logged."""
+"""What a recording can show: candidates, and what would have to be logged for the others."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ges.conventions import SPECIFIC_FORCE
+from ges.diagnose.library.candidates import Candidate, flight_envelope
+from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.channels import FORCE, channels
 from ges.diagnose.settings import settings
@@ -71,7 +73,7 @@ REQUIREMENTS: Mapping[str, Requirement] = {
         VOLTAGE,
     ),
     "velocity": Requirement(
-        _all_have("velocity"), "needs a logged velocity (v_x_m_s, v_y_m_s, v_z_m_s)"
+        _all_have("velocity"), "needs a logged velocity (all of v_x_m_s, v_y_m_s, v_z_m_s)"
     ),
     "position": Requirement(_all_have("position"), "needs a logged position (p_x_m ...)"),
     "rates": Requirement(_all_have("gyro"), "needs a logged gyro (omega_x_rad_s ...)"),
@@ -145,6 +147,32 @@ def untestable_drags(flights: Flights, model: Model) -> dict[str, str]:
     )
     reasons = {name: unmet_requirement(name, flights, model) for name in drags}
     return {name: reason for name, reason in reasons.items() if reason}
+
+
+def candidates_of(
+    flights: Sequence[Prepared],
+    base: Model,
+    taken: Sequence[str] = (),
+    only: Sequence[str] | None = None,
+) -> list[Candidate]:
+    """Return the candidates that can act on a model and be seen in these flights.
+
+    Parameters
+    ----------
+    flights : prepared recordings.
+    base : the model they are tested on.
+    taken : names that are left out. With any, only effects with a prerequisite in ``base`` are
+        listed.
+    only : names that are allowed; None allows all.
+    """
+    return [
+        c
+        for c in library(base, flight_envelope(flights, base.radius_m)).values()
+        if c.name not in taken
+        and (only is None or c.name in only)
+        and not unmet_requirement(c.name, flights, base)
+        and (set(c.prerequisites) & set(base.effects) or c.stands_alone and not taken)
+    ]
 
 
 def needs_attitude(name: str) -> bool:

@@ -75,11 +75,11 @@ def regime_variables(flight: Prepared, windows: Windows, model: Model) -> dict[s
         v = flight.stack("velocity")[at]
         variables |= {"airspeed_m_s": np.hypot(v[:, 0], v[:, 1]), "climb_m_s": v[:, 2]}
         if flight.has("attitude") and "attitude" not in flight.derived:
-            along = to_body(flight.stack("attitude")[at], v)
+            v_body = to_body(flight.stack("attitude")[at], v)
             variables |= {
-                "forward_m_s": along[:, 0],
-                "left_m_s": along[:, 1],
-                "along_thrust_m_s": along[:, 2],
+                "forward_m_s": v_body[:, 0],
+                "left_m_s": v_body[:, 1],
+                "along_thrust_m_s": v_body[:, 2],
             }
     if flight.has("position"):
         variables |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
@@ -178,7 +178,7 @@ def reported_structures(structures: Sequence[Structure], model: Model) -> list[S
 
 def _least_r2_of_size(s: Structure) -> float:
     over_places = set(s.regime) <= set(PLACE)
-    return settings.locate.r2_least if over_places else settings.statistics.large_part
+    return settings.locate.r2_least if over_places else settings.locate.large_r2
 
 
 def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
@@ -389,7 +389,9 @@ def located_by_findings(
         contribution = np.concatenate(of_flights)
         for c, channel in enumerate(system.main):
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
-            if _rms(contribution[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
+            if _rms(contribution[good, c]) > settings.locate.contribution_share * _rms(
+                noise[good, c]
+            ):
                 where = _most_affected_regime(
                     contribution[good, c], {n: v[good] for n, v in values.items()}
                 )
@@ -435,7 +437,9 @@ def located_by_open_names(
         contribution = contribution_of(h.posterior, set(h.names) - set(proven), regression.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
-            if _rms(contribution[good, c]) > settings.statistics.large_part * _rms(noise[good, c]):
+            if _rms(contribution[good, c]) > settings.locate.contribution_share * _rms(
+                noise[good, c]
+            ):
                 # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, contribution[:, c], np.nan))

@@ -17,7 +17,7 @@ from ges.diagnose.estimate.fit import (
     with_corrections,
 )
 from ges.diagnose.estimate.recalibrate import at_corrections, operating_point
-from ges.diagnose.library.available import candidates_of
+from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
@@ -60,13 +60,19 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
     residuals = without_mean_balance(raw_residuals(regression.system, joint), regression.system)
     # a drive on the ground is no regime of flight, and would pass for structure
     residuals_in_air = only_in_air(residuals, regression.system)
-    found_structures = structures(
+    return Stage(
+        model,
+        joint,
+        regression,
+        residuals,
         residuals_in_air,
-        regimes,
-        regression.system.main,
-        regression.system.blocks(settings.statistics.block_s),
+        structures(
+            residuals_in_air,
+            regimes,
+            regression.system.main,
+            regression.system.blocks(settings.statistics.block_s),
+        ),
     )
-    return Stage(model, joint, regression, residuals, residuals_in_air, found_structures)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -162,7 +162,7 @@ def _least_spread(name: str, values: np.ndarray) -> float:
     A height has to vary by a large part of itself.
     """
     if name == "height_over_radius":
-        return settings.statistics.large_part * float(np.median(values))
+        return settings.locate.height_spread_least * float(np.median(values))
     spreads = name in (*SPEEDS, *PLACE)
     return settings.locate.spread_least if spreads else settings.numerics.tiny
 

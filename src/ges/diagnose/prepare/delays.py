@@ -160,7 +160,7 @@ def _combined_delay(
     sd = max(sd, _least_sd_s(together, lags_s))
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
     least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
-    clear = top > settings.statistics.large_part
+    clear = top > settings.prepare.clear_correlation
     return Delay(stream, delay, max(sd, least_sd_s), top) if clear else None
 
 
@@ -243,8 +243,8 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
         then > settings.statistics.certain_sds * sds[1]
         and max(abs(now), sds[0]) < p.at_once_share * then
     )
-    held = fades and after < (1.0 - settings.statistics.least_gain) * then
-    return CommandHold(0.5, p.at_once_share) if held else default_command_hold()
+    holds = fades and after < (1.0 - settings.statistics.least_gain) * then
+    return CommandHold(0.5, p.at_once_share) if holds else default_command_hold()
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
@@ -389,7 +389,7 @@ def _significant_slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.nda
 
     It is 0 where it may be chance.
     """
-    clear = correlation > settings.statistics.large_part
+    clear = correlation > settings.prepare.clear_correlation
     if clear.sum() < settings.statistics.folds:
         return 0.0
     x, y, free = t_s[clear], delay_s[clear], clear.sum() - 2

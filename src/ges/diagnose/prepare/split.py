@@ -1,4 +1,4 @@
-"""Division of the flights into those for fitting and those held out."""
+"""Division of flights into those for fitting and those held out, and of one into parts."""
 
 from __future__ import annotations
 
@@ -7,6 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+
+from ges.diagnose.prepare.gate import prepare
+from ges.diagnose.settings import settings
+from ges.diagnose.types.model import Model
+from ges.errors import GesError
 
 
 def split(
@@ -47,3 +52,37 @@ def digest(frame: pd.DataFrame) -> str:
     """
     numbers = frame.reindex(sorted(frame.columns), axis=1).to_numpy(dtype=float)
     return hashlib.sha256(np.ascontiguousarray(numbers).tobytes()).hexdigest()
+
+
+def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.DataFrame]]:
+    """Cut a recording into consecutive parts of equal time in the air.
+
+    Parameters
+    ----------
+    name : of the recording; the parts are ``name_part1`` ...
+    frame : table with contract columns.
+    model : of the vehicle, which shows when it flies.
+
+    Returns
+    -------
+    Names and tables of the parts: as many as there are folds. They are fewer where a part would be
+    shorter than twice the shortest usable flight.
+
+    Raises
+    ------
+    GesError
+        Where not even two parts would fly long enough.
+    """
+    flight = prepare(frame, model)
+    seconds, shortest_s = np.cumsum(flight.flying) * flight.dt_s, settings.prepare.flight_shortest_s
+    if seconds[-1] < 2.0 * shortest_s:
+        raise GesError(
+            f"{name} is {seconds[-1]:.1f} s in the air; to fit a part and hold another out takes"
+            f" {2.0 * shortest_s:g} s or more, or a second log"
+        )
+    count = int(np.clip(seconds[-1] // (2.0 * shortest_s), 2, settings.statistics.folds))
+    ends = [flight.t_s[np.searchsorted(seconds, seconds[-1] * k / count)] for k in range(1, count)]
+    number = np.searchsorted(ends, frame["t_s"].to_numpy(dtype=float), side="right")
+    return [
+        (f"{name}_part{k + 1}", frame[number == k].reset_index(drop=True)) for k in range(count)
+    ]

@@ -158,8 +158,8 @@ def recalibration_warnings(channels: Mapping[str, Mapping], model: Model) -> lis
     """
     return [
         f"on the flights that took no part the error of {name} is {rms['before']:.3g} as given and"
-        f" {rms['recalibrated']:.3g} recalibrated: the flights differ by more than the declared"
-        " numbers can"
+        f" {rms['recalibrated']:.3g} recalibrated: the flights differ by more than the nominal"
+        " parameters can"
         for name, rms in channels.items()
         if math.sqrt(max(rms["recalibrated"] ** 2 - rms["before"] ** 2, 0.0))
         > least_rms(block_of(name), model.reference_scale(name))

@@ -179,7 +179,7 @@ def _worse_than_given(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     if worse:
         yield (
             f"Recalibration alone makes worse: {list_words(worse)}. What the other flights ask of"
-            " the declared numbers does not hold here: look for what differs between the flights,"
+            " the nominal parameters does not hold here: look for what differs between the flights,"
             " such as battery, payload or trim."
         )
 

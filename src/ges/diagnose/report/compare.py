@@ -112,9 +112,11 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
     parameter with the overlap of their intervals.
     """
     # by place, too: a loss at rotor 3 is another finding than one at rotor 4
-    found = [{(f["name"], f.get("place", "")): f for f in c["findings"]} for c in (first, second)]
-    for key in dict.fromkeys([*found[0], *found[1]]):
-        pair = [f.get(key) for f in found]
+    findings = [
+        {(f["name"], f.get("place", "")): f for f in c["findings"]} for c in (first, second)
+    ]
+    for key in dict.fromkeys([*findings[0], *findings[1]]):
+        pair = [f.get(key) for f in findings]
         named = next(f for f in pair if f)
         parameters = dict.fromkeys(name for f in pair if f for name in f["parameters"])
         yield {
@@ -253,7 +255,7 @@ def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
                 table.add_row(f"  {p['name']}{unit}", "", *p["each"], p["overlap"])
         yield table
     if c["numbers"]:
-        yield Text("\ncorrections of declared numbers", style="bold")
+        yield Text("\ncorrections of nominal parameters", style="bold")
         table = table_of("number", one, two, "intervals")
         for n in c["numbers"]:
             unit = f", {n['unit']}" if n["unit"] else ""

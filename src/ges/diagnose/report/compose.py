@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.advise.detect import smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
+from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.decide.withdraw import Explanation
@@ -13,6 +15,7 @@ from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels
 from ges.diagnose.locate.laws import RivalLaw
+from ges.diagnose.locate.regimes import Cell
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.problem import Problem
@@ -33,9 +36,30 @@ from ges.diagnose.report.per_speed import with_force_per_speed
 from ges.diagnose.report.sentence import with_sentence
 from ges.diagnose.report.vehicle import fitted_vehicle
 from ges.diagnose.report.verdict import remark_of, verdict_of
-from ges.diagnose.report.workings import Workings
-from ges.diagnose.types.decision import Record
+from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.model import Model
+
+
+@dataclasses.dataclass(frozen=True)
+class Workings:
+    """Intermediate results of a diagnosis.
+
+    Attributes
+    ----------
+    problem : the data.
+    accepted : names and fits.
+    cells : map of the residuals of the recalibrated vehicle.
+    models : by stage.
+    proof : errors on held-out flights.
+    length_s : support of the test functions.
+    """
+
+    problem: Problem
+    accepted: Accepted
+    cells: Sequence[Cell]
+    models: Mapping[str, Model]
+    proof: Proof
+    length_s: float
 
 
 def compose_diagnosis(
@@ -50,7 +74,7 @@ def compose_diagnosis(
     located: Sequence[dict],
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
-    record: Record,
+    record: DecisionLog,
     names_searched: bool,
 ) -> Diagnosis:
     """Put the diagnosis together.

@@ -24,7 +24,7 @@ from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import changed_settings
-from ges.diagnose.types.decision import Considered, Decision, Record
+from ges.diagnose.types.decision import Considered, Decision, DecisionLog
 from ges.diagnose.types.finding import interval95
 from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
@@ -175,7 +175,7 @@ def unexplained_entries(remains: Sequence[Structure]) -> list[dict]:
 
 
 def considered_candidates(
-    accepted: Accepted, record: Record, reasons: Mapping[str, str]
+    accepted: Accepted, record: DecisionLog, reasons: Mapping[str, str]
 ) -> tuple[Considered, ...]:
     """Return ``considered``: every candidate with its decisions, the most probable first.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ges.diagnose.types.decision import Considered
-from ges.diagnose.types.finding import Estimate, Finding, json_values
+from ges.diagnose.types.finding import Finding, FittedParameter, json_values
 from ges.vehicle.file import Vehicle
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ class Diagnosis:
         )
 
 
-def _numbers(parameters: Mapping[str, Estimate]) -> str:
+def _numbers(parameters: Mapping[str, FittedParameter]) -> str:
     units = {name: "" if e.unit == "1" else f" {e.unit}" for name, e in parameters.items()}
     return "; ".join(
         f"{name} {e.value:.3g} [{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]{units[name]}"

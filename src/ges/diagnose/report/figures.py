@@ -123,7 +123,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         for f in content["findings"]
         for name, p in f["parameters"].items()
     ]
-    # corrections are counted from the vehicle file, so what is declared lies at zero
+    # corrections are counted from the vehicle file, so the nominal value lies at zero
     for key, p in content["calibration"].items():
         if p["declared_sd"]:
             rows.append(
@@ -132,8 +132,8 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
                     "value": p["value"],
                     "ci95": p["ci95"],
                     "unit": _unit(key),
-                    "declared": 0.0,
-                    "declared_sd": p["declared_sd"],
+                    "nominal": 0.0,
+                    "prior_sd": p["declared_sd"],
                 }
             )
     return rows

@@ -26,8 +26,8 @@ from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.report.content import places_of
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import Record
-from ges.diagnose.types.finding import Estimate, Finding, interval95
+from ges.diagnose.types.decision import DecisionLog
+from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
 from ges.simulator import effects as effect_table
 
@@ -37,7 +37,7 @@ def all_findings(
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     gate: Gate,
-    record: Record,
+    record: DecisionLog,
     names_searched: bool,
 ) -> list[Finding]:
     """Return the findings of a diagnosis.
@@ -109,7 +109,9 @@ def detected_effects(accepted: Accepted) -> dict[str, DetectedEffect]:
     }
 
 
-def _parameters_of(fitted: Fitted, name: str, nominal: Mapping[str, float]) -> dict[str, Estimate]:
+def _parameters_of(
+    fitted: Fitted, name: str, nominal: Mapping[str, float]
+) -> dict[str, FittedParameter]:
     """Return fitted parameters of one effect with 95 % intervals.
 
     Notes give strong correlations and what the vehicle file has.
@@ -123,7 +125,7 @@ def _parameters_of(fitted: Fitted, name: str, nominal: Mapping[str, float]) -> d
                 _correlation_note(fitted, (e, p)),
             )
             value = fitted.effects[e][p]
-            estimates[p] = Estimate(
+            estimates[p] = FittedParameter(
                 value,
                 interval95(value, fitted.sd(e, p)),
                 units[p],
@@ -225,11 +227,11 @@ def _contradicted_finding(
 ) -> Finding:
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     parameters = {
-        p: Estimate(
+        p: FittedParameter(
             n.value,
             interval95(n.value, n.sd),
             units[p],
-            f"correction of the vehicle file, {n.sds:.1f} times its declared sd",
+            f"correction of the vehicle file, {n.sds:.1f} times its prior sd",
         )
         for n in contradicted
         for p in [ParameterKey.of(n.key).parameter]
@@ -238,11 +240,11 @@ def _contradicted_finding(
     terms = {system.nuisances[n.key]: n.value for n in contradicted}
     contribution = [rows.weighted_columns(terms, len(system.main)) for rows in system.flights]
     # certain by its own rule, hence as sure as any name can be
-    found = Finding.of(
+    finding = Finding.of(
         name, calibrated_probability(1.0), parameters, size_of_contribution(contribution, system)
     )
     # the effect may be physics; what is wrong here is a number of the file
-    return dataclasses.replace(found, kind="parameter")
+    return dataclasses.replace(finding, kind="parameter")
 
 
 def open_findings(accepted: Accepted) -> list[Finding]:
@@ -277,13 +279,13 @@ def _open_finding(accepted: Accepted, name: str) -> Finding:
     )
 
 
-def _search_estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
+def _search_estimates(accepted: Accepted, name: str) -> dict[str, FittedParameter]:
     """Return parameters of one name from the search; none of what these flights cannot show."""
     if name not in accepted.result.inclusion:
         return {}
     posterior = accepted.result.best_with(name, accepted.rivals).posterior
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
-    estimates: dict[str, Estimate] = {}
+    estimates: dict[str, FittedParameter] = {}
     for k, mean, sd in zip(posterior.columns, posterior.mean, posterior.sd, strict=True):
         column = accepted.regression.system.columns[k]
         variant = variant_of(column)
@@ -291,7 +293,7 @@ def _search_estimates(accepted: Accepted, name: str) -> dict[str, Estimate]:
         if variant.effect == name and column.part != "moment":
             a = variant.amplitudes[column.amplitude]
             value = a.neutral + float(mean)
-            estimates[a.parameter] = Estimate(
+            estimates[a.parameter] = FittedParameter(
                 value, interval95(value, float(sd)), units[a.parameter]
             )
     return estimates

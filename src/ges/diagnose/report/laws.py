@@ -69,19 +69,19 @@ def _rival_content(law: RivalLaw) -> dict[str, Any]:
     }
 
 
-def vehicle_laws(before: Sequence[Law], found: Sequence[FittedLaw]) -> tuple[Law, ...]:
+def vehicle_laws(before: Sequence[Law], fitted: Sequence[FittedLaw]) -> tuple[Law, ...]:
     """Return the laws of the fitted vehicle file.
 
     Parameters
     ----------
     before : laws of the vehicle file.
-    found : laws that were fitted; they replace coefficients of terms that both have.
+    fitted : laws that were fitted; they replace coefficients of terms that both have.
     """
     terms: dict[str, dict[Term, tuple[float, float]]] = {}
     for law in before:
         sd = law.sd or (0.0,) * len(law.terms())
         terms[law.channel] = {t: (c, s) for (t, c), s in zip(law.terms().items(), sd, strict=True)}
-    for new in found:
+    for new in fitted:
         terms.setdefault(new.channel, {}).update(
             {t: (c, new.sd[t]) for t, c in new.coefficients.items()}
         )

@@ -14,7 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from ges.diagnose.prove.traces import Trace
-from ges.diagnose.report import blocks
+from ges.diagnose.report import blocks, equations
 from ges.diagnose.report.charts import chart_data
 from ges.diagnose.types import words
 from ges.files import write_text
@@ -26,8 +26,8 @@ CAPTIONS: Mapping[str, str] = {
         " predicts the channel in blocks of time left out."
     ),
     "parameters": (
-        "Fitted parameters: the bar is the 95 % interval, the dot the value, grey the number and"
-        " doubt that the vehicle file declares, the dotted line zero; details list all."
+        "Fitted parameters: the bar is the 95 % interval, the dot the value, grey the nominal"
+        " value and two prior sds of the vehicle file, the dotted line zero; details list all."
     ),
     "located": (
         "The residual where it is largest, in windows of flights that took no part, and what the"
@@ -49,7 +49,7 @@ CAPTIONS: Mapping[str, str] = {
 }
 VERDICTS: Mapping[str, str] = {
     "nothing_proven": "nothing proven",
-    "parameter": "a declared parameter is wrong",
+    "parameter": "a nominal parameter is wrong",
     "sensor": "a sensor is wrong",
     "physics": "missing physics",
     "ambiguous": "more than one explanation",
@@ -93,7 +93,13 @@ def environment() -> jinja2.Environment:
         # a key that a diagnosis does not have leaves its place empty, and is no error
         undefined=jinja2.ChainableUndefined,
     )
-    templates.globals |= {"asset": _asset, "hash_of": _hash_of}
+    templates.globals |= {
+        "asset": _asset,
+        "hash_of": _hash_of,
+        "effect_equation": equations.effect_equation,
+        "law_equation": equations.law_equation,
+        "term_equation": equations.term_equation,
+    }
     templates.filters.update(
         number=words.number_words,
         percent=words.percent_words,

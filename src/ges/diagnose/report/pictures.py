@@ -242,7 +242,10 @@ def draw_held_out(axis: Axes, channels: Mapping[str, Mapping[str, Any]]) -> None
                 capsize=2.5,
             )
     axis.axvline(1.0, color="black", linewidth=0.6)
-    axis.set_yticks(range(len(names)), [_before_words(n, channels[n]["before"]) for n in names])
+    labels = [
+        f"{channel_words(n)}\n{number_words(channels[n]['before'])} {unit_words(n)}" for n in names
+    ]
+    axis.set_yticks(range(len(names)), labels)
     axis.invert_yaxis()
     axis.set_xlabel("error on held-out flights (1: that of the vehicle file, written at the left)")
 
@@ -258,10 +261,6 @@ def _after_error(
     # after = recalibrated (1 - reduction): the upper end of the reduction is the lower error
     low, high = recalibrated * (1.0 - ci[:, 1]), recalibrated * (1.0 - ci[:, 0])
     return np.nan_to_num(np.clip([values - low, high - values], 0.0, None))
-
-
-def _before_words(channel: str, before: float) -> str:
-    return f"{channel_words(channel)}\n{number_words(before)} {unit_words(channel)}"
 
 
 def residual_against(*drawn: Any) -> Figure:
@@ -505,7 +504,7 @@ def parameter_intervals(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     Parameters
     ----------
     parameters : ``label``, ``value``, ``ci95``, ``unit``, and, where the vehicle file has one,
-        ``declared`` and ``declared_sd``. The first ten are drawn, which a printed page holds.
+        ``nominal`` and ``prior_sd``. The first ten are drawn, which a printed page holds.
     """
     with mpl.rc_context(STYLE):
         figure = _figure(0.4 + 0.55 * len(parameters[:MOST_PARAMETERS]))
@@ -537,7 +536,7 @@ def draw_parameters(axis: Axes, parameters: Sequence[Mapping[str, Any]]) -> dict
 def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     """Draw one line: what is drawn lies between 0 and 1."""
     low, high = (v if v is not None else p["value"] for v in p["ci95"])
-    nominal, two_sds = p.get("declared"), 2.0 * (p.get("declared_sd") or 0.0)
+    nominal, two_sds = p.get("nominal"), 2.0 * (p.get("prior_sd") or 0.0)
     band = [nominal - two_sds, nominal + two_sds] if nominal is not None else []
     reach = [low, high, 0.0, *band]
     # every parameter has its own unit, so every line is scaled to hold what is marked on it
@@ -552,7 +551,7 @@ def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
             row + 0.4,
             color="#CCCCCC",
             linewidth=0,
-            label="declared, with two standard deviations",
+            label="nominal, with two prior sds",
         )
     axis.plot([0.0, 1.0], [row + 0.4] * 2, color="#777777", linewidth=0.6)
     axis.plot([zero_at] * 2, [row, row + 0.4], ":", color="black", linewidth=0.8, label="zero")
@@ -568,7 +567,7 @@ def _interval(axis: Axes, row: int, p: Mapping[str, Any]) -> None:
     unit = f" {p['unit']}" if p["unit"] not in ("1", "") else ""
     span = f"95 %: {number_words(low)} to {number_words(high)}"
     nominal_words = (
-        f"; declared: {number_words(nominal)} ± {number_words(two_sds, 2)}" if band else ""
+        f"; nominal: {number_words(nominal)} ± {number_words(two_sds, 2)}" if band else ""
     )
     axis.text(
         0.0, row - 0.07, f"{p['label']} = {number_words(p['value'])}{unit}  ({span}{nominal_words})"

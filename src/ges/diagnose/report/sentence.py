@@ -77,7 +77,9 @@ def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
     """
     findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
-        yield from _wrong_number(content)
+        # a contradicted nominal parameter that no effect corrects
+        wrong = _largest_correction(content) or "a nominal parameter"
+        yield f"The vehicle file is wrong about {wrong}."
         return
     if not content["fit"].get("channels"):
         forms = [(True, ""), (False, "")]
@@ -222,11 +224,6 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
     )
 
 
-def _wrong_number(content: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a contradicted nominal parameter that no effect corrects."""
-    yield f"The vehicle file is wrong about {_largest_correction(content) or 'a declared number'}."
-
-
 def _largest_correction(content: Mapping[str, Any]) -> str:
     """Return the number that recalibration moved farthest over its prior sd; '' within two."""
     # a correction counts by the sd that the file states; one without contradicts nothing
@@ -237,7 +234,7 @@ def _largest_correction(content: Mapping[str, Any]) -> str:
         return ""
     return (
         f"{key_words(key)}: the flights ask for {_correction_words(key, rows[key]['value'])},"
-        f" {number_words(far[key], 2)} declared sds"
+        f" {number_words(far[key], 2)} prior sds"
     )
 
 
@@ -319,7 +316,7 @@ def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
-    agree = "Nothing proven: within the declared doubts these flights agree with the simulator"
+    agree = "Nothing proven: within the prior sds these flights agree with the simulator"
     correction, stays = _largest_correction(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
     starts = [f"{agree}; farthest off is {correction}"] if correction else []

@@ -9,7 +9,7 @@ chance.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,13 +27,11 @@ class Alike:
     Attributes
     ----------
     name, place : the other effect, or the same at another place (``rotor 5``).
-    values : its coefficients by ``effect.parameter``, in their units.
     expected_log_odds : of the name over it, if the name is true.
     """
 
     name: str
     place: str
-    values: Mapping[str, float]
     expected_log_odds: float
 
 
@@ -51,10 +49,10 @@ def alike_of(
     """
     if not listed:
         return ()
-    columns, found = regression.system.columns, h.posterior
-    own = [i for i, k in enumerate(found.columns) if variant_of(columns[k]).effect == name]
-    mine, b = [found.columns[i] for i in own], found.mean[own]
-    others = np.array([k for k in found.columns if k not in mine], dtype=int)
+    columns, posterior = regression.system.columns, h.posterior
+    own = [i for i, k in enumerate(posterior.columns) if variant_of(columns[k]).effect == name]
+    mine, b = [posterior.columns[i] for i in own], posterior.mean[own]
+    others = np.array([k for k in posterior.columns if k not in mine], dtype=int)
     gram = regression.pool().without(others, regression.prior.sd[others])
     # log odds over nothing that the name is expected to have, but for the size that it took
     over_nothing = 0.5 * float(b @ gram.xx[np.ix_(mine, mine)] @ b)
@@ -65,14 +63,13 @@ def alike_of(
         places = variant_of(columns[entry.columns[0]]).places
         if entry.name in h.names and (entry.name != name or set(places) & set(here) or not here):
             continue
-        log_odds, values = _in_place_of(gram, regression, mine, b, entry)
-        log_odds -= size
+        log_odds = _in_place_of(gram, regression, mine, b, entry) - size
         key = entry.name, " and ".join(places)
         # a rival that explains nothing is no rival, only a name that hardly shows
         if log_odds < least <= over_nothing - log_odds and (
             key not in best or log_odds < best[key].expected_log_odds
         ):
-            best[key] = Alike(*key, values, log_odds)
+            best[key] = Alike(*key, log_odds)
     return tuple(sorted(best.values(), key=lambda a: (a.expected_log_odds, a.name, a.place)))
 
 
@@ -84,8 +81,8 @@ def _unlikely(regression: Regression, at: Sequence[int], values: np.ndarray) -> 
 
 def _in_place_of(
     gram: Gram, regression: Regression, mine: Sequence[int], b: np.ndarray, entry: Entry
-) -> tuple[float, dict[str, float]]:
-    """Return expected log odds of columns over a variant, and its coefficients.
+) -> float:
+    """Return expected log odds of columns over a variant.
 
     The columns have coefficients b (k,).
 
@@ -97,7 +94,4 @@ def _in_place_of(
     c = np.linalg.solve(inner + precision, cross + precision @ prior.mean)
     c = np.clip(c, prior.low, prior.high)
     log_odds = b @ gram.xx[np.ix_(own, own)] @ b - 2.0 * c @ cross + c @ inner @ c
-    keys = [regression.system.columns[k].key for k in at]
-    # the two parts of one amplitude, force and moment, are one value: that of the force
-    values = dict(reversed(list(zip(keys, c.tolist(), strict=True))))
-    return 0.5 * float(log_odds) + _unlikely(regression, at, c), values
+    return 0.5 * float(log_odds) + _unlikely(regression, at, c)

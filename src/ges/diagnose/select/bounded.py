@@ -68,14 +68,14 @@ def _log_mass_jointly(
     factors, m, s = np.zeros((3, *mean.shape)), mean.copy(), covariance.copy()
     bounded = np.flatnonzero((np.isfinite(low) | np.isfinite(high)).any(axis=0))
     for i in np.tile(bounded, settings.numerics.bound_sweeps):
-        across = s[:, i].copy()
+        column = s[:, i].copy()
         new = _factor(m[:, i], s[:, i, i], low[:, i], high[:, i], *factors[:2, :, i])
         tilt, weight, _ = new - factors[:, :, i]
         factors[:, :, i] = new
         # Sherman-Morrison: covariance and mean as the factor of one coefficient changes
-        along = across / (1.0 + weight * s[:, i, i])[:, None]
-        m += along * (tilt - weight * m[:, i])[:, None]
-        s -= along[:, :, None] * (across * weight[:, None])[:, None, :]
+        gain = column / (1.0 + weight * s[:, i, i])[:, None]
+        m += gain * (tilt - weight * m[:, i])[:, None]
+        s -= gain[:, :, None] * (column * weight[:, None])[:, None, :]
     # log of the integral of N(mean, covariance) times all factors
     own = np.linalg.solve(covariance, mean[:, :, None])[:, :, 0]
     shrunk = np.linalg.slogdet(s)[1] - np.linalg.slogdet(covariance)[1]

@@ -315,9 +315,9 @@ def posteriors(
     scale, low, high = prior.sd[at], prior.low[at], prior.high[at]
     # in units of the prior's sd: the determinant of inner is that of Gamma A, (6) of docs/method.md
     start = prior.mean[at] / scale
-    scales = scale[:, :, None] * scale[:, None, :]
+    outer = scale[:, :, None] * scale[:, None, :]
     xx, xy, more_evidence = more or (0.0, 0.0, 0.0)
-    inner = np.eye(at.shape[1]) + (gram.xx[at[:, :, None], at[:, None, :]] + xx) * scales
+    inner = np.eye(at.shape[1]) + (gram.xx[at[:, :, None], at[:, None, :]] + xx) * outer
     right = (gram.xy[at] + xy) * scale + start
     covariance = np.linalg.inv(inner)
     mean = np.einsum("sij,sj->si", covariance, right)
@@ -329,7 +329,7 @@ def posteriors(
     gain = 0.5 * (mean * right - start**2).sum(axis=1) + within
     return (
         mean * scale,
-        covariance * scales,
+        covariance * outer,
         gain - 0.5 * np.linalg.slogdet(inner)[1] + more_evidence,
     )
 
@@ -419,7 +419,7 @@ def rms_of(system: System) -> np.ndarray:
     return np.sqrt(square / np.maximum(count, 1.0)[:, None])
 
 
-def _prior_scales(system: System, share: float) -> np.ndarray:
+def _prior_sds(system: System, share: float) -> np.ndarray:
     """Return prior sd of every candidate's coefficient, (K,).
 
     It is the size at which the column makes ``share`` of the reference scale in its greatest
@@ -495,7 +495,7 @@ def whiten_system(system: System, noise: NoiseModel) -> Regression:
 
 
 def _prior(system: System) -> Prior:
-    sd = _prior_scales(system, settings.evidence.prior_share)
+    sd = _prior_sds(system, settings.evidence.prior_share)
     mean, low, high = np.array([_bounds(c) for c in system.columns]).T
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:

@@ -136,7 +136,7 @@ def _freed_nuisances(gram: Gram, prior: Prior, at: Mapping[str, int]) -> FreedNu
     """Make it from normal equations in which they are left."""
     columns = np.array(list(at.values()), dtype=int)
     mean, sd = prior.mean[columns], prior.sd[columns]
-    # all other nuisances are integrated out by now, the twins about their prior mean here
+    # all other nuisances are integrated out by now, the freed ones about their prior mean here
     covariance = np.linalg.inv(gram.xx[np.ix_(columns, columns)] + np.diag(1.0 / sd**2))
     mean_at_zero = mean + covariance @ gram.about(columns, mean).xy[columns]
     return FreedNuisances(

@@ -63,7 +63,7 @@ class Considered:
         }
 
 
-class Record:
+class DecisionLog:
     """Log of decisions: the latest one of each rule about each name.
 
     Notes

@@ -23,7 +23,7 @@ def interval95(value: float, sd: float) -> tuple[float, float]:
 
 
 @dataclasses.dataclass(frozen=True)
-class Estimate:
+class FittedParameter:
     """A fitted parameter.
 
     Attributes
@@ -81,7 +81,7 @@ class Finding:
     title: str
     probability: float
     equation: str
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[str, FittedParameter]
     size: Mapping[str, Any]
     alternatives: tuple[Mapping[str, Any], ...]
     is_open: bool = False
@@ -93,7 +93,7 @@ class Finding:
         cls,
         name: str,
         probability: float,
-        parameters: Mapping[str, Estimate],
+        parameters: Mapping[str, FittedParameter],
         size: Mapping[str, Any] | None = None,
         alternatives: tuple[Mapping[str, Any], ...] = (),
         is_open: bool = False,

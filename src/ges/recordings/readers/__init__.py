@@ -29,7 +29,7 @@ READERS: tuple[Reader, ...] = (
 """All readers, the most certain of their first bytes first; tables, which have none, last."""
 
 _HEAD = 4096
-_NOTHING_SAID = Options()
+_NO_OPTIONS = Options()
 
 
 def reader_of(path: Path) -> Reader:
@@ -63,7 +63,7 @@ def reader_of(path: Path) -> Reader:
     )
 
 
-def open_log(path: str | Path, options: Options = _NOTHING_SAID, kind: str = "auto") -> Log:
+def open_log(path: str | Path, options: Options = _NO_OPTIONS, kind: str = "auto") -> Log:
     """Read a flight log of any known format.
 
     Formats are PX4 ULog, ArduPilot DataFlash, Betaflight and INAV blackbox, Crazyflie micro-SD

@@ -154,8 +154,8 @@ def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...]
             # a damaged message; what follows is whole again
             continue
         # rows of a message that was defined anew on the way do not fit the first
-        known, rows = tables.setdefault((name, instance), (fields, []))
-        if known == fields:
+        first_fields, rows = tables.setdefault((name, instance), (fields, []))
+        if first_fields == fields:
             rows.append(row)
     return tables
 
@@ -344,8 +344,8 @@ def _commands(log: _Log, options: Options) -> Iterator[tuple[str, Stream]]:
     pulses = np.where(pulses < _LEAST_PULSE_US, low, pulses)
     u = np.clip((pulses - low) / (high - low), 0.0, 1.0)
     if channels != list(range(1, len(channels) + 1)):
-        told = ", ".join(map(str, channels))
-        log.notes.append(f"motors 1 to {len(channels)} are outputs {told}")
+        listed = ", ".join(map(str, channels))
+        log.notes.append(f"motors 1 to {len(channels)} are outputs {listed}")
     yield "command", Stream(message.t_s, {f"u_{i + 1}": row for i, row in enumerate(u)}, "RCOU")
 
 
@@ -380,7 +380,7 @@ def _rotor_speeds(
             currents[f"motor_current_{i}_A"] = np.interp(t_s, own.t_s, own["Curr"])
     stream = Stream(t_s, speeds, "ESC")
     if command is not None and not stated:
-        why, spoken_for = rotor_order.doubt(command, stream)
+        why, spoken_for = rotor_order.check_order(command, stream)
         if why and spoken_for:
             log.notes.append(
                 "the rotor speeds are not used: by the output channels they are in one order, but"

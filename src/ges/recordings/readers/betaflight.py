@@ -70,18 +70,18 @@ class _Header:
 
     def parameters(self) -> dict[str, float]:
         """Collect every number by its name, those of a list with their place."""
-        found: dict[str, float] = {}
+        numbers: dict[str, float] = {}
         for name in self.text:
             values = [] if name.startswith("Field ") else self.numbers(name)
             single = len(values) == 1
-            found |= {name if single else f"{name}[{k}]": v for k, v in enumerate(values)}
-        return found
+            numbers |= {name if single else f"{name}[{k}]": v for k, v in enumerate(values)}
+        return numbers
 
     def firmware(self) -> tuple[str, tuple[int, ...]]:
         """Read name and version of the firmware."""
-        found = re.search(r"(\w+)\s+(\d+)\.(\d+)", self.text.get("Firmware revision", ""))
+        match = re.search(r"(\w+)\s+(\d+)\.(\d+)", self.text.get("Firmware revision", ""))
         return (
-            (found.group(1), (int(found.group(2)), int(found.group(3)))) if found else ("", (0, 0))
+            (match.group(1), (int(match.group(2)), int(match.group(3)))) if match else ("", (0, 0))
         )
 
     def rad_s(self) -> float:
@@ -145,8 +145,8 @@ def _decoded(
 def _vector(fields: Mapping[str, np.ndarray], name: str, count: int = 3) -> np.ndarray | None:
     """Give fields ``name[0]`` ... as rows."""
     names = [f"{name}[{k}]" for k in range(count)]
-    known = names and all(n in fields for n in names)
-    return np.stack([fields[n] for n in names]) if known else None
+    complete = names and all(n in fields for n in names)
+    return np.stack([fields[n] for n in names]) if complete else None
 
 
 def _motors(fields: Mapping[str, np.ndarray]) -> int:

@@ -129,6 +129,7 @@ class Log:
     parameters : the autopilot's own parameters, by their own names, as logged.
     notes : what was found, chosen or corrected, one sentence each.
     refusal : why the log is of no use at all; '' where it is.
+    unusable : columns that are logged and not used, each with the reason.
 
     Examples
     --------
@@ -145,6 +146,7 @@ class Log:
     parameters: Mapping[str, float] = dataclasses.field(default_factory=dict)
     notes: Sequence[str] = ()
     refusal: str = ""
+    unusable: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def problem(self) -> str:
         """Say why this log cannot be diagnosed.
@@ -400,7 +402,7 @@ def on_axis(axis: np.ndarray, stream: Stream) -> dict[str, np.ndarray]:
     if len(t) == len(axis) and np.array_equal(t, axis):
         return dict(stream.columns)
     if stream.held:
-        return {name: _held(axis, t, values) for name, values in stream.columns.items()}
+        return {name: _hold_last(axis, t, values) for name, values in stream.columns.items()}
     step, own = _spacing(axis), _spacing(t)
     # rates that differ by less are taken as the same, with jitter
     if own * _OTHER_RATE < step:
@@ -451,7 +453,7 @@ def _means(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.divide(total[last] - total[first], n, out=np.full(len(axis), np.nan), where=n > 0)
 
 
-def _held(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _hold_last(axis: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Hold the last value given, for at most one second."""
     before = np.searchsorted(t, axis, side="right") - 1
     given = (before >= 0) & (axis - t[np.maximum(before, 0)] < _LONG_GAP_S)

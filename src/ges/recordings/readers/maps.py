@@ -30,11 +30,11 @@ from ges.recordings.readers import frames
 from ges.recordings.recording import unit_of
 
 
-class _Strict(pydantic.BaseModel):
+class _StrictMap(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(extra="forbid")
 
 
-class Column(_Strict):
+class Column(_StrictMap):
     """Where one column of a file goes.
 
     Attributes
@@ -55,7 +55,7 @@ class Column(_Strict):
     optional: bool = False
 
 
-class Layout(_Strict):
+class Layout(_StrictMap):
     """One arrangement of columns.
 
     Attributes
@@ -86,7 +86,7 @@ class Layout(_Strict):
         return None if lacking else {n: c for n, c in self.columns.items() if n in present}
 
 
-class ColumnMap(_Strict):
+class ColumnMap(_StrictMap):
     """A column map file.
 
     Attributes

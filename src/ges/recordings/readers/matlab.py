@@ -45,8 +45,8 @@ def _arrays(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
 
 def _extract(path: str, out: str) -> None:
     """Write the vectors of a file, for :func:`_variables`."""
-    found = dict(_arrays(loadmat(path, simplify_cells=True), ""))
-    np.savez(out, np.array(list(found), dtype=str), *found.values())
+    arrays = dict(_arrays(loadmat(path, simplify_cells=True), ""))
+    np.savez(out, np.array(list(arrays), dtype=str), *arrays.values())
 
 
 def _variables(path: Path) -> dict[str, np.ndarray]:
@@ -111,21 +111,21 @@ class Matlab:
                     f"{path.name} is of MATLAB's version 7.3, which is not read; save it again by"
                     " save(..., '-v7')"
                 )
-        found = _variables(path)
-        mapping, chosen = map_for(list(found), options, path.name)
+        arrays = _variables(path)
+        mapping, chosen = map_for(list(arrays), options, path.name)
         streams: dict[str, Stream] = {}
         notes = [chosen] if chosen else []
         for layout in mapping.layouts:
-            if (named := layout.named(found)) is None:
+            if (named := layout.named(arrays)) is None:
                 continue
-            sizes = {name: len(found[name]) for name in named}
+            sizes = {name: len(arrays[name]) for name in named}
             if len(set(sizes.values())) > 1:
                 lengths = ", ".join(f"{name} {n}" for name, n in sizes.items())
                 raise UsageError(
                     f"{path.name}: the variables of one layout must have as many samples as its"
                     f" time ({lengths}); give each time a layout of its own"
                 )
-            columns = {c.to: convert(found[name], c) for name, c in named.items()}
+            columns = {c.to: convert(arrays[name], c) for name, c in named.items()}
             more, dropped = streams_of(columns, layout, path.name, "variables")
             # a stream that two layouts give is kept under two names
             streams |= {n if n not in streams else f"{n} (2)": s for n, s in more.items()}
@@ -133,6 +133,6 @@ class Matlab:
         if not streams:
             raise UsageError(
                 f"{path.name} has not all variables of any layout of the map; it has"
-                f" {', '.join(list(found)[:12]) or 'no vector of numbers'}"
+                f" {', '.join(list(arrays)[:12]) or 'no vector of numbers'}"
             )
         return Log(path.stem, self.name, "", streams, {}, tuple(notes))

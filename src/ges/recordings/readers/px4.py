@@ -110,7 +110,7 @@ class _Topic:
         flags = self.values(valid) if valid else None
         return values if flags is None else np.where(flags == 1, values, np.nan)
 
-    def known(self, field: str, valid: str = "") -> np.ndarray:
+    def valid_values(self, field: str, valid: str = "") -> np.ndarray:
         """Give the values of a field that is there, as :meth:`values` does.
 
         Raises
@@ -125,7 +125,7 @@ class _Topic:
 
     def stack(self, form: str, keys: Iterable[int | str] = range(3)) -> np.ndarray:
         """Stack fields ``form.format(k)`` as rows."""
-        return np.stack([self.known(form.format(k)) for k in keys])
+        return np.stack([self.valid_values(form.format(k)) for k in keys])
 
     def measured_s(self) -> np.ndarray:
         """Give the times at which the samples were measured, where the log has increasing ones.
@@ -135,7 +135,7 @@ class _Topic:
         sample = self.values("timestamp_sample")
         if sample is None:
             return self.t_s
-        stamp = self.known("timestamp")
+        stamp = self.valid_values("timestamp")
         t_s = self.t_s + (sample - stamp) * 1e-6
         # a stamp of another clock would move samples far
         near = np.abs(t_s - self.t_s).max(initial=0.0) < _LATEST_SAMPLE_S
@@ -144,6 +144,8 @@ class _Topic:
 
 class Uorb:
     """Topics, parameters and notes of a log of PX4's own messages, of a ULog or a ROS bag.
+
+    ``unusable`` has what is logged and not used, as of :class:`~ges.recordings.readers.log.Log`.
 
     Parameters
     ----------
@@ -158,6 +160,7 @@ class Uorb:
     ) -> None:
         self.name, self.start_us = name, start_us
         self.notes: list[str] = []
+        self.unusable: dict[str, str] = {}
         self.parameters, self.about = _numbers(parameters), about
         self._instances: dict[str, list[_Topic]] = {}
 
@@ -198,13 +201,15 @@ class Uorb:
         -------
         The instance, with a note where it is not the first; None if there is none.
         """
-        found = self.instances(name, *fields)
-        speaking = [topic for topic in found if any(_speaks(topic.known(f)) for f in fields)]
+        topics = self.instances(name, *fields)
+        speaking = [
+            topic for topic in topics if any(_speaks(topic.valid_values(f)) for f in fields)
+        ]
         if not speaking:
             return None
-        if speaking[0] is not found[0]:
+        if speaking[0] is not topics[0]:
             self.notes.append(
-                f"{name} instance {found[0].number} is zero throughout; instance"
+                f"{name} instance {topics[0].number} is zero throughout; instance"
                 f" {speaking[0].number} is used"
             )
         return speaking[0]
@@ -280,10 +285,10 @@ def _open(path: Path) -> Uorb:
         ) from None
     if not _is_whole(data) or raw.file_corruption:
         log.notes.append("the log is cut short or damaged; the samples that can be read are used")
-    lost_s = sum(dropout.duration for dropout in raw.dropouts) * 1e-3
-    if lost_s > 0:
+    dropout_s = sum(dropout.duration for dropout in raw.dropouts) * 1e-3
+    if dropout_s > 0:
         log.notes.append(
-            f"the logger lost {lost_s:.2g} s of samples ({len(raw.dropouts)} dropouts)"
+            f"the logger lost {dropout_s:.2g} s of samples ({len(raw.dropouts)} dropouts)"
         )
     return log
 
@@ -328,8 +333,15 @@ def _motion(log: Uorb) -> Iterator[tuple[str, Stream]]:
         if topic is None:
             continue
         # a coordinate counts where its own flag does: height may be known without a place
-        north, east, down = (topic.known(f, ok) for f, ok in zip(fields, flags, strict=True))
+        north, east, down = (topic.valid_values(f, ok) for f, ok in zip(fields, flags, strict=True))
         columns = frames.named(names, frames.enu_from_ned(north, east, down))
+        for name, flag in zip(names, flags, strict=True):
+            if not np.isfinite(columns[name]).any():
+                source = "no GPS, optical flow or motion capture" if "xy" in flag else "nothing"
+                log.unusable[name] = (
+                    f"{flag} of vehicle_local_position is 0 throughout: {source} gave the estimator"
+                    f" a {stream}"
+                )
         if valid := {name: v for name, v in columns.items() if np.isfinite(v).any()}:
             yield stream, Stream(topic.measured_s(), valid, "vehicle_local_position")
     if topic := log.topic("vehicle_local_position", "x", "y", "z"):
@@ -402,8 +414,8 @@ def _commands(log: Uorb, options: Options) -> Iterator[tuple[str, Stream]]:
                 " taken as 0"
             )
         u, t_s, source = np.clip(control, 0.0, 1.0), topic.t_s, "actuator_motors"
-    elif (found := _outputs(log, options)) is not None:
-        u, t_s, source = found
+    elif (outputs := _outputs(log, options)) is not None:
+        u, t_s, source = outputs
     else:
         return
     if not np.any(u > 0):
@@ -426,7 +438,7 @@ def _outputs(log: Uorb, options: Options) -> tuple[np.ndarray, np.ndarray, str] 
     fields = [f"output[{k}]" for k in channels]
     topics = log.instances("actuator_outputs", *fields)
     # several drivers log outputs; those of the motors change in flight
-    moving = [t for t in topics if any(np.ptp(t.known(f)) > 0 for f in fields)]
+    moving = [t for t in topics if any(np.ptp(t.valid_values(f)) > 0 for f in fields)]
     topic = next(iter(moving), None) or log.topic("actuator_outputs", *fields)
     if topic is None:
         return None
@@ -527,16 +539,16 @@ def _rotor_speeds(
     count = _motors(log)
     motors, stated = [float(_MOTOR_1 + i) for i in range(count)], options.order_of(count)
     order = list(range(count))
-    known = bool(stated) or all(motor in functions for motor in motors)
-    if known:
+    assigned = bool(stated) or all(motor in functions for motor in motors)
+    if assigned:
         order = [k - 1 for k in stated] if stated else [functions[motor] for motor in motors]
     if not topic.has(*(f"esc[{k}].esc_rpm" for k in order)):
         log.notes.append("the log has speeds of some rotors only; they are not used")
         return
     speeds = Stream(topic.t_s, dict(_each_esc(topic, order, "rpm")), "esc_status")
     # in which order controllers were wired, only the commands can show
-    if not known and command is not None:
-        why, _ = rotor_order.doubt(command, speeds)
+    if not assigned and command is not None:
+        why, _ = rotor_order.check_order(command, speeds)
         if why:
             log.notes.append(
                 "the rotor speeds are not used, as the log does not say which motor each is of and"
@@ -580,7 +592,7 @@ def _battery(log: Uorb) -> Iterator[tuple[str, Stream]]:
     topic = log.topic("battery_status", "voltage_v")
     if topic is None:
         return
-    volts, amperes = topic.known("voltage_v"), topic.values("current_a")
+    volts, amperes = topic.valid_values("voltage_v"), topic.values("current_a")
     if (usual := float(np.median(volts[np.isfinite(volts)]))) < _LOWEST_CELL_V:
         log.notes.append(
             f"the battery voltage reads {usual:.2g} V, which no battery has; it is not used"
@@ -596,7 +608,7 @@ def _battery(log: Uorb) -> Iterator[tuple[str, Stream]]:
 def _range(log: Uorb) -> Iterator[tuple[str, Stream]]:
     """Give the first rangefinder that looks down, within its own range."""
     for topic in log.instances("distance_sensor", "current_distance"):
-        facing, seen = topic.values("orientation"), topic.known("current_distance")
+        facing, seen = topic.values("orientation"), topic.valid_values("current_distance")
         if not _speaks(seen) or (facing is not None and np.any(facing != _DOWNWARD)):
             continue
         nearest, farthest = topic.values("min_distance"), topic.values("max_distance")
@@ -721,4 +733,5 @@ class Px4:
             log.parameters,
             tuple(log.notes),
             _refusal(log),
+            log.unusable,
         )

@@ -79,7 +79,7 @@ class TopicMap(pydantic.BaseModel):
 
     @pydantic.field_validator("definitions")
     @classmethod
-    def _beside(cls, folder: Path | None) -> Path | None:
+    def _folder_of(cls, folder: Path | None) -> Path | None:
         if folder is not None and (folder.is_absolute() or ".." in folder.parts):
             raise ValueError(f"'{folder}' must lie beside the map file; give its name alone")
         return folder
@@ -140,13 +140,13 @@ class _Bag:
 
     def find(self, wanted: str) -> str | None:
         """Find the bag's topic that matches; None without."""
-        found = sorted({name for name in self.topics if _matches(wanted, name)})
-        if len(found) > 1:
+        matching = sorted({name for name in self.topics if _matches(wanted, name)})
+        if len(matching) > 1:
             raise UsageError(
-                f"{self.name} holds {len(found)} topics {wanted} ({', '.join(found[:3])}): of which"
-                " vehicle? Give a topic map with whole names"
+                f"{self.name} holds {len(matching)} topics {wanted} ({', '.join(matching[:3])}): of"
+                " which vehicle? Give a topic map with whole names"
             )
-        return found[0] if found else None
+        return matching[0] if matching else None
 
     def read(self, topic: str, fields: Sequence[str] | None) -> dict[str, np.ndarray]:
         """Read fields of all messages of a topic, each (n,), with ``t_s``.
@@ -176,12 +176,12 @@ class _Bag:
         return {"t_s": np.array(times), **dict(zip(names or (), table, strict=True))}
 
 
-def _typestore(mapping: TopicMap, beside: Path | None) -> Any:
+def _typestore(mapping: TopicMap, folder: Path | None) -> Any:
     """Collect types of messages for a bag that does not hold their definitions."""
     typesys = optional_module("rosbags.typesys", "ros", "ROS bags")
     store = typesys.get_typestore(typesys.Stores.LATEST)
     if mapping.definitions is not None:
-        folder = (beside or Path()) / mapping.definitions
+        folder = (folder or Path()) / mapping.definitions
         files = sorted(folder.glob("*/msg/*.msg"))
         if not files:
             raise UsageError(f"{folder} holds no PACKAGE/msg/NAME.msg; mend 'definitions'")
@@ -198,16 +198,16 @@ def _map_for(bag: _Bag, options: Options) -> tuple[TopicMap, str]:
     """Choose the map that the user names, else the shipped one that knows most topics."""
     if options.mapping is not None:
         return load_map(options.mapping, TopicMap), ""
-    known = {
+    matched = {
         name: sum(any(_matches(t.topic, n) for n in bag.topics) for t in mapping.topics)
         for name, mapping in presets(TopicMap).items()
     }
-    best = max(known, key=lambda name: known[name])
-    if known[best] == 0:
+    best = max(matched, key=lambda name: matched[name])
+    if matched[best] == 0:
         topics = ", ".join(sorted(bag.topics)[:8]) or "none"
         raise UsageError(
             f"{bag.name}: no shipped topic map knows these topics ({topics}); give --map MAP.yaml"
-            f" (docs/importing.md shows one) or a preset: {', '.join(known)}"
+            f" (docs/importing.md shows one) or a preset: {', '.join(matched)}"
         )
     return presets(TopicMap)[best], f"topics are read by the map '{best}'"
 
@@ -263,8 +263,13 @@ def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) ->
     }
 
 
-def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> dict[str, Stream]:
-    """Give streams of the topics that are PX4's own messages, by PX4's own clock."""
+def _uorb(
+    bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]
+) -> tuple[dict[str, Stream], dict[str, str]]:
+    """Give streams of the topics that are PX4's own messages, by PX4's own clock.
+
+    With them comes what is logged and not used, by column.
+    """
     tables = {}
     for entry in (t for t in mapping.topics if t.uorb):
         topic = bag.find(entry.topic)
@@ -273,17 +278,19 @@ def _uorb(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) -> d
             if len(table["t_s"]) > 1 and "timestamp" in table:
                 tables[entry.uorb] = table
     if not tables:
-        return {}
+        return {}, {}
     # stamps of PX4's own clock, in microseconds
     log = px4.Uorb(bag.name, min(float(t["timestamp"][0]) for t in tables.values()))
     for name, table in tables.items():
         log.add(name, 0, table)
     streams = px4.uorb_streams(log, options)
     notes += log.notes
-    return streams
+    return streams, log.unusable
 
 
-def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) -> dict[str, Stream]:
+def _with_ordered_speeds(
+    streams: dict[str, Stream], options: Options, notes: list[str]
+) -> dict[str, Stream]:
     """Leave out rotor speeds whose order the commands do not confirm."""
     command, speed = streams.get("command"), streams.get("rotor_speed")
     if command is None or speed is None:
@@ -292,7 +299,7 @@ def _in_doubt(streams: dict[str, Stream], options: Options, notes: list[str]) ->
         order = [f"rotor_speed_{k}_rad_s" for k in options.order_of(len(speed.columns)) or ()]
         columns = {f"rotor_speed_{i}_rad_s": speed.columns[name] for i, name in enumerate(order, 1)}
         return streams | {"rotor_speed": Stream(speed.t_s, columns, speed.source)}
-    why, _ = rotor_order.doubt(command, speed)
+    why, _ = rotor_order.check_order(command, speed)
     if why:
         notes.append(
             "the rotor speeds are not used, as the bag does not say which motor each is of and"
@@ -358,16 +365,16 @@ class Ros:
         mapping = TopicMap.model_construct(definitions=None)
         if options.mapping is not None:
             mapping = load_map(options.mapping, TopicMap)
-        beside = Path(options.mapping).parent if options.mapping is not None else None
-        store = _typestore(mapping, beside)
+        folder = Path(options.mapping).parent if options.mapping is not None else None
+        store = _typestore(mapping, folder)
         notes: list[str] = []
         try:
             with highlevel.AnyReader([path], default_typestore=store) as reader:
                 bag = _Bag(reader, path.name)
                 mapping, chosen = _map_for(bag, options)
                 notes += [chosen] if chosen else []
-                uorb = _uorb(bag, mapping, options, notes)
-                mapped = _in_doubt(_mapped(bag, mapping, options, notes), options, notes)
+                uorb, unusable = _uorb(bag, mapping, options, notes)
+                mapped = _with_ordered_speeds(_mapped(bag, mapping, options, notes), options, notes)
         except (GesError, OSError):
             raise
         except KeyError as error:
@@ -397,4 +404,5 @@ class Ros:
             {},
             tuple(notes),
             f"this is a log of {kind}; multirotors can be diagnosed" if kind else "",
+            unusable,
         )

@@ -61,7 +61,7 @@ def _without(r: np.ndarray, i: int, k: int) -> np.ndarray:
     return changed
 
 
-def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
+def check_order(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
     """Check whether the commands confirm the order of the speed readings.
 
     Parameters
@@ -70,7 +70,7 @@ def doubt(command: Stream, speed: Stream) -> tuple[str, tuple[int, ...]]:
 
     Returns
     -------
-    Why the order is in doubt ('' if the commands confirm it), and the order that the commands
+    Why the order is uncertain ('' if the commands confirm it), and the order that the commands
     indicate, counted from 1 (empty if none).
     """
     r = agreement(command, speed)

@@ -68,9 +68,9 @@ def _lines(path: Path, separator: str) -> tuple[pa.Table, list[str]]:
     except (pa.ArrowException, UnicodeDecodeError) as error:
         row = re.search(r"Row #(\d+): Expected (\d+) columns, got (\d+)", str(error))
         if row:
-            line, first, found = row.groups()
+            line, first, count = row.groups()
             raise GesError(
-                f"{path.name} line {line} has {found} columns, the first line {first}; mend or cut"
+                f"{path.name} line {line} has {count} columns, the first line {first}; mend or cut"
                 " the file there"
             ) from None
         raise GesError(
@@ -136,7 +136,7 @@ def _fitting(
             by_place = {k: c for k, c in enumerate(layout.columns) if c is not None}
             # a first line with a number in it is a sample
             return layout, by_place, not any(_is_number(first[k]) for k in by_place)
-    known = [
+    layouts = [
         (
             f"{len(layout.columns)} columns"
             if isinstance(layout.columns, list)
@@ -145,7 +145,7 @@ def _fitting(
         )
         for layout in mapping.layouts
     ]
-    raise GesError(f"{name} line 1 has {len(first)} columns; the map knows {' or '.join(known)}")
+    raise GesError(f"{name} line 1 has {len(first)} columns; the map knows {' or '.join(layouts)}")
 
 
 def _is_number(cell: str) -> bool:
@@ -169,8 +169,8 @@ def own_names(header: list[str]) -> ColumnMap | None:
     """
     if "t_s" not in header:
         return None
-    known = {name: Column(to=name) for name in header if unit_of(name)}
-    return ColumnMap(layouts=[Layout(columns=known)])
+    columns = {name: Column(to=name) for name in header if unit_of(name)}
+    return ColumnMap(layouts=[Layout(columns=columns)])
 
 
 def map_for(header: list[str], options: Options, name: str) -> tuple[ColumnMap, str]:

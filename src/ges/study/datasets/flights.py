@@ -28,13 +28,13 @@ def seed_of(path: Path) -> int:
     UsageError
         When the file is not named like this.
     """
-    found = re.fullmatch(r"seed(\d+)\.parquet", Path(path).name)
-    if not found:
+    match = re.fullmatch(r"seed(\d+)\.parquet", Path(path).name)
+    if not match:
         raise UsageError(
             f"'{Path(path).name}' is no flight of a data set; such files are named like"
             " seed0042.parquet"
         )
-    return int(found[1])
+    return int(match[1])
 
 
 def config_hash(*parts: object) -> str:
@@ -95,13 +95,13 @@ def data_flight(
 
 
 def _schema(metadata: dict[str, str]) -> pa.Schema:
-    known = sim.columns()
+    described = sim.columns()
     fields = [
         pa.field(
             name,
             pa.type_for_alias(kind),
             nullable=False,
-            metadata={"unit": known[name][0], "meaning": known[name][1]},
+            metadata={"unit": described[name][0], "meaning": described[name][1]},
         )
         for name, kind in TYPES.items()
     ]

@@ -16,8 +16,8 @@ def ground_of(seed: int, terrain: TerrainShape) -> Terrain:
     seed : each draws another terrain.
     terrain : its shape.
     """
-    known = {f.name for f in dataclasses.fields(ProceduralShape)}
+    fields = {f.name for f in dataclasses.fields(ProceduralShape)}
     return Terrain.procedural(
         seed,
-        ProceduralShape(**{k: float(v) for k, v in terrain.model_dump().items() if k in known}),
+        ProceduralShape(**{k: float(v) for k, v in terrain.model_dump().items() if k in fields}),
     )

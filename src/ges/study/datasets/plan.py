@@ -171,13 +171,15 @@ def fit_plan(
 
     start = _plan_point({**simulator.parameters(), **plan.model_dump(exclude={"mode"})})
     # no derivatives: neighbouring plans differ much, since few features lie under each flight
-    found = minimize(
+    solution = minimize(
         lambda x: misfit(flown(_plan_numbers(x))),
         start,
         method="Nelder-Mead",
         bounds=[(0.0, 1.0)] * len(FREE),
         options={"maxfev": EVALUATIONS},
     )
-    numbers = _plan_numbers(found.x)
-    report = record_of(numbers, flown(numbers), PUBLISHED, TOLERANCE, FREE, seeds, int(found.nfev))
+    numbers = _plan_numbers(solution.x)
+    report = record_of(
+        numbers, flown(numbers), PUBLISHED, TOLERANCE, FREE, seeds, int(solution.nfev)
+    )
     files.write_json(fitted, report)

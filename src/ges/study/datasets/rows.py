@@ -183,10 +183,10 @@ def load_rows(
         raise GesError(f"split {Path(split).name}: part '{part}' is empty")
     files = _checked(flights, set(blocks["seed"]))
     share = None if most is None else max(most // blocks["seed"].nunique(), 1)
-    found = [
+    loaded = [
         _gather(files[s], _chosen(_eligible(b, window), share, seed, s), window, past)
         for s, b in blocks.groupby("seed")
     ]
-    seeds, x, y, rows = (np.concatenate([f[i] for f in found]) for i in range(4))
-    places = {k: np.concatenate([f[4][k] for f in found]) for k in found[0][4]}
+    seeds, x, y, rows = (np.concatenate([f[i] for f in loaded]) for i in range(4))
+    places = {k: np.concatenate([f[4][k] for f in loaded]) for k in loaded[0][4]}
     return Rows(x, y, seeds, rows, places)

@@ -109,21 +109,21 @@ def _steady(rows: pd.DataFrame) -> Iterator[tuple[int, pd.DataFrame]]:
 def _read(path: Path, mapping: Path) -> pd.DataFrame:
     """A published recording, refused where its bytes are not those that were published."""
     name = f"{path.parent.name}/{path.name}"
-    known = {
+    digests = {
         local: sha
         for source in published.sources().values()
         for local, (_, sha) in source.files.items()
     }
-    published.check(path.read_bytes(), known.get(name, "not published"), name)
+    published.check(path.read_bytes(), digests.get(name, "not published"), name)
     return open_log(path, Options(mapping)).frame()
 
 
 def _blocks(name: str, rows: pd.DataFrame) -> pd.DataFrame:
-    found = [
+    blocks = [
         (name, number, b["t_s"].mean(), b["z_over_r"].mean(), b["load"].sum() / b["thrust"].sum())
         for number, b in _steady(rows)
     ]
-    table = pd.DataFrame(found, columns=BLOCK_COLUMNS[:-1])
+    table = pd.DataFrame(blocks, columns=BLOCK_COLUMNS[:-1])
     # the flight's own error of m / k stands in every block alike and goes out
     table["factor"] = table["ratio"] / table.loc[table["z_over_r"] > FAR, "ratio"].mean()
     return table
@@ -143,8 +143,8 @@ def thrust_blocks(recordings: list[Path], vehicle: Path, mapping: Path, blocks: 
     GesError
         When a recording is not as it was published.
     """
-    known = load_vehicle(vehicle)
-    tables = [_blocks(path.stem, _samples(_read(path, mapping), known)) for path in recordings]
+    airframe = load_vehicle(vehicle)
+    tables = [_blocks(path.stem, _samples(_read(path, mapping), airframe)) for path in recordings]
     _write(pd.concat(tables) if tables else pd.DataFrame(columns=BLOCK_COLUMNS), blocks)
 
 
@@ -177,7 +177,7 @@ def form_curve(form: str, fitted: pd.Series, z_over_r: np.ndarray, vehicle: Vehi
 
 
 def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float | str]:
-    radius, doubt = vehicle.rotors[0].radius_m.value, vehicle.rotors[0].z_m.sd
+    radius, height_sd = vehicle.rotors[0].radius_m.value, vehicle.rotors[0].z_m.sd
     height, ratio = blocks["z_over_r"].to_numpy() * radius, blocks["ratio"].to_numpy()
     flights = pd.get_dummies(blocks["flight"]).to_numpy(dtype=float)
     # far from the ground only noise moves the ratio
@@ -187,26 +187,26 @@ def _fit(form: str, blocks: pd.DataFrame, vehicle: Vehicle) -> dict[str, float |
         shape = flat_factor(height, vehicle.parameters(), _effect(form, x))
         # variable projection: given the shape, the best scale of a flight is linear least squares
         scale = (flights.T @ (ratio * shape)) / (flights.T @ shape**2)
-        # the last row is the offset's prior: mean 0, deviation as the vehicle file doubts it
-        return np.append((ratio - (flights @ scale) * shape) / noise, x[0] / doubt)
+        # the last row is the offset's prior: mean 0, deviation as the vehicle file states it
+        return np.append((ratio - (flights @ scale) * shape) / noise, x[0] / height_sd)
 
     own = form == "exponential"
     bounds = ([-0.1, 0.01, 0.3], [0.2, 2.0, 5.0]) if own else ([-0.04], [0.2])
     start = [0.02, 0.3, 1.5] if own else [0.02]
-    found = least_squares(misfit, start, bounds=bounds, diff_step=1e-4)
+    solution = least_squares(misfit, start, bounds=bounds, diff_step=1e-4)
     # offset and own constants, a scale a flight, and the noise, which was estimated too
-    n, k = len(ratio), len(found.x) + flights.shape[1] + 1
-    squares = float(np.sum(found.fun[:-1] ** 2))
+    n, k = len(ratio), len(solution.x) + flights.shape[1] + 1
+    squares = float(np.sum(solution.fun[:-1] ** 2))
     # rows have unit variance and the scales are projected out: (J'J)^-1 is the covariance
-    half = 1.96 * np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0])
-    offset = float(found.x[0])
+    half = 1.96 * np.sqrt(np.linalg.inv(solution.jac.T @ solution.jac)[0, 0])
+    offset = float(solution.x[0])
     return {
         "form": form,
         "offset_m": offset,
         "offset_low_m": offset - half,
         "offset_high_m": offset + half,
-        "c_a": found.x[1] if own else np.nan,
-        "decay": found.x[2] if own else np.nan,
+        "c_a": solution.x[1] if own else np.nan,
+        "decay": solution.x[2] if own else np.nan,
         "rmse": noise * np.sqrt(squares / n),
         # at a noise that is held: chi-squared stands where -2 log-likelihood does
         "aicc": squares + 2 * k + 2 * k * (k + 1) / (n - k - 1),
@@ -227,8 +227,8 @@ def fit_forms(blocks: Path, vehicle: Path, forms: Path) -> None:
     forms : to write: a row a form. ``aicc`` takes the spread of the high blocks as noise; ``rank``
         1 has the least.
     """
-    table, known = pd.read_csv(blocks), load_vehicle(vehicle)
-    rows = [_fit(form, table, known) for form in FORMS] if len(table) else []
+    table, airframe = pd.read_csv(blocks), load_vehicle(vehicle)
+    rows = [_fit(form, table, airframe) for form in FORMS] if len(table) else []
     fitted = pd.DataFrame(rows, columns=FORM_COLUMNS[:-1])
     fitted["rank"] = fitted["aicc"].rank().astype(int)
     _write(fitted, forms)

@@ -138,8 +138,8 @@ def track(simulator: Simulator, plan: Flights, seed: int, data: Path, pdf: Path,
     )
     top.plot(table["t_s"], table["p_z_m"], color=style.BLUE, label="vehicle")
     # the controller holds the height over ground, so the line follows the ground
-    held = table["ground_z_m"] + simulator.controller.agl_ref_m
-    top.plot(table["t_s"], held, color=style.RED, ls="--", lw=0.8, label="height to hold")
+    target = table["ground_z_m"] + simulator.controller.agl_ref_m
+    top.plot(table["t_s"], target, color=style.RED, ls="--", lw=0.8, label="height to hold")
     top.set(ylabel="world height (m)")
     top.legend(loc="upper center", bbox_to_anchor=(0.5, 1.22), ncols=3)
     low.plot(table["t_s"], table["ge_factor"], color=style.BLACK)

@@ -83,7 +83,7 @@ def thrust(blocks: Path, forms: Path, vehicle: Path, data: Path, pdf: Path, png:
     table = pd.read_csv(blocks)
     if table.empty:
         return _absent(table, data, pdf, png)
-    shown, fitted, known = (
+    shown, fitted, airframe = (
         binned(table),
         pd.read_csv(forms).set_index("form"),
         load_vehicle(vehicle),
@@ -111,7 +111,7 @@ def thrust(blocks: Path, forms: Path, vehicle: Path, data: Path, pdf: Path, png:
         label = style.FORM_LABELS[form] + offset
         axes.plot(
             z,
-            form_curve(form, fitted.loc[form], z, known),
+            form_curve(form, fitted.loc[form], z, airframe),
             color=(*style.COLOURS[:3], style.BLACK)[i],
             ls=style.LINES[i],
             label=label,

@@ -291,14 +291,14 @@ def calibrate(
         }
     )
     # a start outside of its bounds would be refused; a step within them, it can move either way
-    found = least_squares(
+    solution = least_squares(
         search.residuals,
         np.clip(start, 1.0 + STEP, 2.0 - STEP),
         bounds=(1.0, 2.0),
         diff_step=STEP,
         max_nfev=EVALUATIONS,
     )
-    numbers = search.numbers(found.x)
+    numbers = search.numbers(solution.x)
     flown = search.flown(search.arms(numbers))
-    report = record_of(numbers, flown, PUBLISHED, TOLERANCE, FREE, search.seeds, int(found.nfev))
+    report = record_of(numbers, flown, PUBLISHED, TOLERANCE, FREE, search.seeds, int(solution.nfev))
     files.write_json(calibration, report)

@@ -111,9 +111,9 @@ def _shares(walk: pd.DataFrame) -> pd.DataFrame:
         # 0 stands for "no better": any value that is not below zero agrees
         share = float((np.sign(values) == sign).mean()) if sign else float((values >= 0).mean())
         low, middle, high = np.percentile(values, [2.5, 50, 97.5])
-        said = {1: "above 0", -1: "below 0", 0: "not below 0"}[sign]
+        claim = {1: "above 0", -1: "below 0", 0: "not below 0"}[sign]
         # refused steps repeat a misfit, so distinct ones count the simulators
-        rows.append((effect, middle, low, high, said, share, walk["misfit"].nunique(), *fit))
+        rows.append((effect, middle, low, high, claim, share, walk["misfit"].nunique(), *fit))
     return pd.DataFrame(
         rows,
         columns=[

@@ -111,6 +111,6 @@ def fly_worlds(
             for name, truth, m in worlds
         ]
     )
-    found = _summaries(table)
-    for content, path in zip((table, *found), (flights, summary, tests), strict=True):
+    tables = _summaries(table)
+    for content, path in zip((table, *tables), (flights, summary, tests), strict=True):
         write_csv(content, path)

@@ -37,7 +37,7 @@ def _refitted(
         there[free] = others
         return there
 
-    found = least_squares(
+    solution = least_squares(
         lambda others: search.residuals(point(others)),
         np.clip(here[free], 1.0 + calibrate.STEP, 2.0 - calibrate.STEP),
         bounds=(1.0, 2.0),
@@ -45,7 +45,7 @@ def _refitted(
         max_nfev=EVALUATIONS,
     )
     # the gain itself, without the rounding of its place
-    return {**search.numbers(point(found.x)), GAIN: gain}
+    return {**search.numbers(point(solution.x)), GAIN: gain}
 
 
 def fit_profile(
@@ -104,13 +104,13 @@ def fly_profile(
     for numbers in json.loads(Path(profile).read_text())["refitted"]:
         # held is a section through the misfit, refitted its profile: a section alone makes a
         # number look known that the others could make up for
-        held = search.arms({**calibrated, GAIN: numbers[GAIN]})
+        fixed = search.arms({**calibrated, GAIN: numbers[GAIN]})
         arms = search.arms(numbers)
         misfit = calibrate.misfit(search.flown(arms))
         rows.append(
             {
                 GAIN: numbers[GAIN],
-                "held": calibrate.misfit(search.flown(held)),
+                "held": calibrate.misfit(search.flown(fixed)),
                 "refitted": misfit,
                 "figures": figures,
                 "within": int(misfit < figures),

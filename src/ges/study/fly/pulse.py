@@ -184,11 +184,11 @@ def _outcome(
     after = t_s >= start_s
     row_s = float(t_s[1] - t_s[0])
     # over the last seconds, not at the end: a curve that swings through zero has not returned
-    left = float(np.sqrt(np.mean(change[last] ** 2)))
+    residual = float(np.sqrt(np.mean(change[last] ** 2)))
     return {
         "greatest_loss_m": float(-change.min()),
-        "left_m": left,
-        "returned": float(left <= how.tolerance_m),
+        "left_m": residual,
+        "returned": float(residual <= how.tolerance_m),
         # beside the contact that the flight would have had anyway
         "touched_s": float(
             (pulsed["contact"][after].sum() - unpulsed["contact"][after].sum()) * row_s

@@ -83,10 +83,10 @@ def train_model(
     # scored as they are stored, so that scores can be made again from the file to the last bit
     predicted = made.predict(zoo.features(name, test)).astype(np.float32)
     _write_predictions(predictions, test, predicted)
-    found = scores(test.y, predicted, test.seed, resamples, seed)
+    scored = scores(test.y, predicted, test.seed, resamples, seed)
     rows = {f"{part}_rows": len(parts.get(part, ())) for part in PARTS}
     # JSON has no NaN
-    written = {key: value if math.isfinite(value) else None for key, value in found.items()}
+    written = {key: value if math.isfinite(value) else None for key, value in scored.items()}
     write_json(
         metrics,
         {

@@ -106,7 +106,7 @@ def write_ground_quartiles(
     table : to write, see the module.
     """
     rows = _predictions(predictions)
-    found, units = [], {"slope": "1", "curvature": "1/m"}
+    scored, units = [], {"slope": "1", "curvature": "1/m"}
     for quantity, values in _irregularity(rows, terrain).items():
         # edges from all test rows of the plan, so each quartile has a fourth of what is scored
         edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
@@ -115,10 +115,10 @@ def write_ground_quartiles(
         for q in range(1, 5):
             where = {"plan": plan, "quantity": quantity, "unit": units[quantity], "quartile": q}
             where |= {"low": edges[q - 1], "high": edges[q]}
-            found += [
+            scored += [
                 {**where, **r} for r in _scored(rows[quartile == q], len(rows), resamples, seed)
             ]
-    _write(table, found, ["plan", "model", "quantity", "unit", "quartile", "low", "high"])
+    _write(table, scored, ["plan", "model", "quantity", "unit", "quartile", "low", "high"])
 
 
 def write_clearance_bins(
@@ -136,13 +136,13 @@ def write_clearance_bins(
     table : to write, see the module.
     """
     rows = _predictions(predictions)
-    found = []
+    scored = []
     for low, high in zip(edges_m[:-1], edges_m[1:], strict=True):
         inside = rows[(rows["range_m"] >= low) & (rows["range_m"] < high)]
         where = {"plan": plan, "clearance_low_m": low, "clearance_high_m": high}
-        found += (
+        scored += (
             [{**where, **r} for r in _scored(inside, len(rows), resamples, seed)]
             if len(inside)
             else []
         )
-    _write(table, found, ["plan", "model", "clearance_low_m", "clearance_high_m"])
+    _write(table, scored, ["plan", "model", "clearance_low_m", "clearance_high_m"])

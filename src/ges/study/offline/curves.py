@@ -71,7 +71,7 @@ def learning_curve(
             model = joblib.load(at_cap)
         else:
             model = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), train, validation)
-        found = scores(
+        metrics = scores(
             validation.y,
             model.predict(zoo.features(name, validation)),
             validation.seed,
@@ -79,7 +79,7 @@ def learning_curve(
             seed,
         )
         rows.append(
-            {"plan": plan, "model": name, "share": share, "train_rows": len(train), **found}
+            {"plan": plan, "model": name, "share": share, "train_rows": len(train), **metrics}
         )
     with replacing(table) as new:
         pd.DataFrame(rows).to_csv(new, index=False, float_format="%.6g")

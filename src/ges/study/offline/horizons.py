@@ -63,12 +63,12 @@ def sweep_horizons(
             learned = train if name == "random_forest" else None
             model = zoo.fitted(name, zoo.make(name, fit, window, vehicle, seed), learned, None)
             predicted = model.predict(zoo.features(name, test))
-            found = scores(test.y, predicted, test.seed, resamples, seed)
+            metrics = scores(test.y, predicted, test.seed, resamples, seed)
             counts = {
                 "train_rows": len(learned or ()),
                 "test_rows": len(test),
                 "test_seeds": len(set(test.seed)),
             }
-            rows.append({"plan": plan, "model": name, "horizon_s": horizon_s, **found, **counts})
+            rows.append({"plan": plan, "model": name, "horizon_s": horizon_s, **metrics, **counts})
     with replacing(table) as new:
         pd.DataFrame(rows).to_csv(new, index=False, float_format="%.6g")

@@ -57,10 +57,10 @@ def write_importances(
         flights, split, "test", RowWindow.of(window, rate_hz, horizon_s), rows, seed, past=False
     )
     # on test rows: impurity says what the trees split on in training, this what predictions need
-    found = permutation_importance(
+    losses = permutation_importance(
         forest, test.now, test.y, n_repeats=repeats, random_state=seed, scoring="r2"
     ).importances
-    mean = found.mean(axis=1)
+    mean = losses.mean(axis=1)
     others = [np.delete(mean, i).max() for i in range(len(mean))]
     # a few shuffles have no percentiles: least and greatest
     frame = pd.DataFrame(
@@ -69,8 +69,8 @@ def write_importances(
             "feature": FEATURES,
             "impurity": forest.feature_importances_,
             "permutation": mean,
-            "permutation_low": found.min(axis=1),
-            "permutation_high": found.max(axis=1),
+            "permutation_low": losses.min(axis=1),
+            "permutation_high": losses.max(axis=1),
             "over_others": mean / others,
             "repeats": repeats,
         }

@@ -105,9 +105,9 @@ def holm(p: Sequence[float]) -> np.ndarray:
 
     values = np.asarray(p, float)
     # a test that could not be made is none of the family's
-    known, corrected = np.isfinite(values), np.full(len(values), np.nan)
-    if known.any():
-        corrected[known] = multipletests(values[known], method="holm")[1]
+    finite, corrected = np.isfinite(values), np.full(len(values), np.nan)
+    if finite.any():
+        corrected[finite] = multipletests(values[finite], method="holm")[1]
     return corrected
 
 
@@ -163,14 +163,14 @@ def contrasts(
             sides = [_by_seed(flights, name, metric) for name in (condition, reference)]
             # paired by seed, not by row; a seed without a number on one side is no pair
             both = pd.concat(sides, axis=1, join="inner").dropna().to_numpy()
-            found = difference(both[:, 0], both[:, 1])
+            contrast = difference(both[:, 0], both[:, 1])
             rows.append(
                 {
                     "metric": metric,
                     "condition": condition,
                     "reference": reference,
                     "pairs": len(both),
-                    **found,
+                    **contrast,
                 }
             )
     table = pd.DataFrame(rows)

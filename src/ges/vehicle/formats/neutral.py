@@ -17,7 +17,7 @@ from ges.simulator import effects as effect_table
 from ges.vehicle import scaling
 from ges.vehicle.file import Vehicle
 
-# effects that correct a declared number, which every format has
+# effects that correct a nominal parameter, which every format has
 FOLDED = ("thrust_scale", "torque_coefficient", "inertia", "motor_lag", "rotor_saturation")
 
 
@@ -210,11 +210,11 @@ def without(plain: Plain, expressed: Iterable[str], target: str) -> list[str]:
     -------
     One sentence for each effect that is left out.
     """
-    known = {"cg_offset", "weak_rotor", *expressed}
+    expressible = {"cg_offset", "weak_rotor", *expressed}
     return [
         f"{target} has no {name} ({effect_table.get(name).title}): left out."
         for name in plain.effects
-        if name not in known
+        if name not in expressible
     ]
 
 

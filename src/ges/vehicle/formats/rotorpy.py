@@ -109,10 +109,10 @@ def _parameters(data: bytes, name: str) -> dict[str, Any]:
                             f"{name}: quad_params holds {error}, more than numbers and arithmetic;"
                             " write the numbers out"
                         ) from None
-    found = names.get("quad_params")
-    if not isinstance(found, dict):
+    parameters = names.get("quad_params")
+    if not isinstance(parameters, dict):
         raise UsageError(f"{name} holds no dictionary quad_params, which RotorPy reads")
-    return found
+    return parameters
 
 
 def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:

@@ -139,22 +139,22 @@ def read(
 
 def _motors(scope: Scope, name: str) -> list[Motor]:
     """List the motors in the order of their numbers."""
-    found: dict[float, Motor] = {}
+    motors: dict[float, Motor] = {}
     for plugin in scope.elements("plugin"):
         # known by what it holds: the plugin's name differs between Gazebos
         if plugin.find("motorConstant") is None or plugin.find("motorNumber") is None:
             continue
         which = number(plugin.findtext("motorNumber"), "motorNumber", name)
-        if which in found:
+        if which in motors:
             raise UsageError(f"{name}: two motors have the number {which:g}")
-        found[which] = _motor(plugin, name)
-    if not FEWEST_ROTORS <= len(found) <= MAX_ROTORS:
-        what = f"{len(found)} motor model plugins" if found else "no motor model plugin"
+        motors[which] = _motor(plugin, name)
+    if not FEWEST_ROTORS <= len(motors) <= MAX_ROTORS:
+        what = f"{len(motors)} motor model plugins" if motors else "no motor model plugin"
         raise GesError(
             f"{name} holds {what} (motorNumber, motorConstant ...); ges reads multirotors that are"
             f" driven by {FEWEST_ROTORS} to {MAX_ROTORS} of them"
         )
-    return [found[key] for key in sorted(found)]
+    return [motors[key] for key in sorted(motors)]
 
 
 def _motor(plugin: Element, name: str) -> Motor:

@@ -83,10 +83,10 @@ def model_of(root: Element, name: str) -> Element:
     UsageError
         When there is none.
     """
-    found = root if root.tag == "model" else root.find(".//model")
-    if found is None:
+    model = root if root.tag == "model" else root.find(".//model")
+    if model is None:
         raise UsageError(f"{name} holds no <model>; give the vehicle's own model.sdf")
-    return found
+    return model
 
 
 def finder(path: Path, models: Sequence[Path]) -> Finder:

@@ -54,13 +54,13 @@ def _given(data: bytes, name: str) -> dict[str, float]:
         raise UsageError(
             f"{name} is no text; give an airframe script or a parameter file"
         ) from None
-    found = {}
+    given = {}
     for line in text.splitlines():
         if match := _LINE.match(line):
-            found[match[1]] = number(match[2], match[1], name)
-    if not set(found) & set(DEFAULTS):
+            given[match[1]] = number(match[2], match[1], name)
+    if not set(given) & set(DEFAULTS):
         raise UsageError(f"{name} sets none of {', '.join(DEFAULTS)}")
-    return found
+    return given
 
 
 def read(data: bytes, name: str, prop: Propeller | None = None) -> Datasheet:
@@ -188,8 +188,8 @@ def write(vehicle: Vehicle) -> Export:
         )
     if abs(p.lag_up_s - p.lag_down_s) > 1e-6:
         remarks.append("SIH has one time constant: the mean of speeding up and down.")
-    across, along = p.effect("rotor_drag", "k_kg"), p.effect("axial_inflow", "k_kg")
-    if across != along:
+    across_thrust, along_thrust = p.effect("rotor_drag", "k_kg"), p.effect("axial_inflow", "k_kg")
+    if across_thrust != along_thrust:
         remarks.append(
             "SIH_KDV drags alike in all directions: that across the rotors is taken, that along"
             " them is lost."
@@ -205,7 +205,7 @@ def write(vehicle: Vehicle) -> Export:
         "SIH_L_ROLL": float(hubs[:, 1].mean()),
         "SIH_L_PITCH": float(hubs[:, 0].mean()),
         # k = K / (4 w) of the reader, backwards
-        "SIH_KDV": across * 4 * p.hover_rad_s,
+        "SIH_KDV": across_thrust * 4 * p.hover_rad_s,
         "SIH_KDW": 0.0,
         "SIH_T_TAU": 0.5 * (p.lag_up_s + p.lag_down_s),
     }
@@ -230,8 +230,8 @@ def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
         raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
     remarks = []
     if order != list(range(4)):
-        told = ", ".join(str(k + 1) for k in order)
-        remarks.append(f"PX4's motors 1 to 4 are rotors {told} of the vehicle file.")
+        listed = ", ".join(str(k + 1) for k in order)
+        remarks.append(f"PX4's motors 1 to 4 are rotors {listed} of the vehicle file.")
     if [("ccw" if p.spin[k] > 0 else "cw") for k in order] != [spin for _, spin in layout]:
         remarks.append("Its rotors turn the other way than SIH turns them: yaw comes out reversed.")
     return order, remarks

@@ -235,8 +235,8 @@ def _order(p: Plain) -> tuple[list[int], list[str]]:
             f"vehicle '{p.name}' is no X quadrotor; gym-pybullet-drones' urdf is written for those"
         )
     spins = ["ccw" if p.spin[k] > 0 else "cw" for k in order]
-    told = ", ".join(str(k + 1) for k in order)
-    remarks = [f"Propellers 0 to 3 are rotors {told} of the vehicle file."]
+    listed = ", ".join(str(k + 1) for k in order)
+    remarks = [f"Propellers 0 to 3 are rotors {listed} of the vehicle file."]
     if tuple(spins) != SPINS:
         remarks.append(
             "Its rotors turn the other way than BaseAviary turns them: yaw comes out reversed."
