@@ -98,8 +98,8 @@ def subtract_trims(
     thrust: np.ndarray,
     omega: np.ndarray,
     air: np.ndarray,
-) -> None:
-    """Subtract the trim from the moments of ``dynamic`` columns, in place.
+) -> ColumnTable:
+    """Subtract the trim from the moments of ``dynamic`` columns.
 
     Parameters
     ----------
@@ -110,6 +110,10 @@ def subtract_trims(
     omega : (n, 3) body rates, rad/s.
     air : (m,) True for windows in the air.
 
+    Returns
+    -------
+    The columns without their trim; all others are shared.
+
     Notes
     -----
     A trim is constant or proportional to thrust. A moment that turned the vehicle is no trim,
@@ -118,6 +122,7 @@ def subtract_trims(
     """
     dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
     constant_and_thrust = np.column_stack([np.ones(len(thrust)), thrust])
+    values = [list(columns) for columns in x.values]
     for c, name in enumerate(names):
         if block_of(name) != "moment" or not dynamic[x.at[c]].any():
             continue
@@ -125,11 +130,15 @@ def subtract_trims(
         mean, rate = windows.functions[MarkedChannel.of(name).mark]
         trim = (mean @ constant_and_thrust)[air]
         rotation = (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
-        at = np.ix_(air, dynamic[x.at[c]])
+        places = np.flatnonzero(dynamic[x.at[c]])
+        columns = np.stack([values[c][k] for k in places], axis=1)
         regressors = np.column_stack([trim, rotation])
         # both are fitted, the trim alone is taken out
-        fitted = np.linalg.lstsq(regressors, x.values[c][at], rcond=None)[0]
-        x.values[c][at] -= trim @ fitted[: trim.shape[1]]
+        fitted = np.linalg.lstsq(regressors, columns[air], rcond=None)[0]
+        columns[air] -= trim @ fitted[: trim.shape[1]]
+        for k, column in zip(places, columns.T, strict=True):
+            values[c][k] = column.copy()
+    return dataclasses.replace(x, values=tuple(map(tuple, values)))
 
 
 @dataclasses.dataclass(frozen=True)

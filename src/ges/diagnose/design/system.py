@@ -603,7 +603,7 @@ def flight_rows(
     # what is constant in a moment, or goes with this thrust, is a trim
     keys = [c.key for c in columns]
     thrust = model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1)
-    subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
+    x = subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
         instruments = like.instruments if like else None
     else:

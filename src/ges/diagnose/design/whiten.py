@@ -14,6 +14,7 @@ from scipy.linalg import toeplitz
 from scipy.sparse import csr_array
 
 from ges.diagnose.design.system import FlightRows, System
+from ges.diagnose.design.table import Indices, pick_columns
 from ges.diagnose.settings import settings
 
 
@@ -47,20 +48,48 @@ class WhitePart:
     at : (n,) usable rows.
     columns : (k,) numbers of the columns that act there.
     y : (n,) residuals.
-    x : (n, k) columns.
+    unfiltered : those k columns before they are whitened, (m,) each.
+    innovation : (n, m) what whitens them.
     feedback_errors : (n, j) columns of unit prior sd: errors that feedback may have caused.
+
+    Notes
+    -----
+    Whitened columns are made where they are asked for: those of all candidates are many times as
+    large as a long flight.
     """
 
     at: np.ndarray
     columns: np.ndarray
     y: np.ndarray
-    x: np.ndarray
+    unfiltered: tuple[np.ndarray, ...]
+    innovation: csr_array
     feedback_errors: np.ndarray
 
+    def of(self, wanted: Indices) -> np.ndarray:
+        """Return some whitened columns.
+
+        Parameters
+        ----------
+        wanted : numbers of w columns.
+
+        Returns
+        -------
+        (n, w), zero for columns that do not act there.
+        """
+        rows = self.innovation.shape[1]
+        return self.innovation @ pick_columns(self.unfiltered, self.columns, wanted, rows)
+
     @functools.cached_property
-    def products(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
-        return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
+    def products(
+        self,
+    ) -> tuple[tuple[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Products of all columns that act there with residuals, and with feedback errors.
+
+        Columns with columns (k, k), columns with residuals (k,), residuals with residuals; errors
+        with errors (j, j), columns with errors (k, j), errors with residuals (j,).
+        """
+        x, y, errors = self.of(self.columns), self.y, self.feedback_errors
+        return (x.T @ x, x.T @ y, float(y @ y)), (errors.T @ errors, x.T @ errors, errors.T @ y)
 
     def with_feedback_errors(self, errors: np.ndarray) -> WhitePart:
         """Return a copy with more columns of errors that feedback may have caused.
@@ -387,7 +416,12 @@ def _whiten_flight(
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
         parts[c] = WhitePart(
-            at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], drive_errors
+            at,
+            rows.x.at[c],
+            innovation @ rows.y[:, c],
+            rows.x.values[c],
+            innovation,
+            drive_errors,
         )
         for (kind, channel), columns in rows.endogenous.items():
             if channel == c:

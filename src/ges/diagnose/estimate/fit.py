@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
-from ges.diagnose.design.table import Indices, pick_columns
+from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
@@ -226,8 +226,7 @@ def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram
         number.max(initial=-1) + 1
     )
     for part in white.parts:
-        x, y = whitened_against_feedback(part)
-        d = pick_columns(x, part.columns, kept)
+        d, y = whitened_against_feedback(part, kept)
         # rows come in order of time, so that a block is one run of them
         first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
         for a, b in itertools.pairwise([*first.tolist(), len(y)]):
