@@ -173,7 +173,7 @@ def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():
     column = 3.0 + windows.mean @ (np.sin(0.2 * t) + np.sin(8.0 * t))
     x, names = table_of([{0: column, 1: column}], len(column), 2), ("force_z", "moment_x")
     told = FlightInstruments(
-        {n: np.zeros((len(column), 1)) for n in names},
+        {},
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
@@ -196,7 +196,7 @@ def test_what_takes_thrust_from_a_rotor_is_an_answer_but_for_its_trim_and_in_yaw
         ("force_z", "moment_x", "moment_z"),
     )
     told = FlightInstruments(
-        {n: np.zeros((len(column), 1)) for n in names},
+        {},
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
@@ -215,9 +215,7 @@ def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     slow, fast = 3.0 + windows.mean @ np.sin(0.2 * t), windows.mean @ np.sin(12.0 * t)
     x, names = table_of([{0: slow + fast, 1: slow + fast}], len(slow), 2), ("force_z", "force_x")
-    told = FlightInstruments(
-        {"force_z": np.zeros((len(slow), 1))}, {"force_z": slow}, {"force_z": 0.0}
-    )
+    told = FlightInstruments({}, {"force_z": slow}, {"force_z": 0.0})
     asked = (
         ("slung_load.mass_kg",),
         x,

@@ -32,6 +32,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ges.conventions import AXES
 from ges.diagnose.design.instruments import (
+    directions,
     instrument_strength,
     instruments,
     project,
@@ -147,12 +148,12 @@ class FlightInstruments:
 
     Attributes
     ----------
-    z : (m, k) instruments.
+    spanned : (m, r) orthonormal directions of those that are strong.
     signal : (m,) thrust or moment of the rotors, or commands of a drive.
     strength : share of the signal that the instruments explain.
     """
 
-    z: Mapping[str, np.ndarray]
+    spanned: Mapping[str, np.ndarray]
     signal: Mapping[str, np.ndarray]
     strength: Mapping[str, float]
 
@@ -184,9 +185,9 @@ def flight_instruments(
         for n, known in zip(names, np.isfinite(y).all(axis=0), strict=True)
         if known and _shows_feedback(n)
     ]
-    return FlightInstruments(
-        z, signal, {n: instrument_strength(signal[n], z[n], block) for n in shown}
-    )
+    strength = {n: instrument_strength(signal[n], z[n], block) for n in shown}
+    spanned = {n: directions(z[n]) for n, share in strength.items() if _is_strong(share)}
+    return FlightInstruments(spanned, signal, strength)
 
 
 def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[str]) -> list[dict]:
@@ -249,7 +250,7 @@ class _Channel:
         rest = _without_mean(x) if mean_counts else x
         if not _is_strong(self.instruments.strength[self.name]):
             return rest
-        return rest - project(x, self.instruments.z[self.name])
+        return rest - project(x, self.instruments.spanned[self.name])
 
     def fast_remainder(self, x: np.ndarray) -> np.ndarray:
         """Return fast changes of columns (a, k) that instruments do not explain.
