@@ -557,16 +557,9 @@ class Evaluation:
         ----------
         drive, motion : of another evaluation.
         """
-        return motion is self.motion and self.turns_the_same(drive)
-
-    def turns_the_same(self, drive: Drive) -> bool:
-        """Return whether the acting rotor speeds are those of this evaluation.
-
-        Parameters
-        ----------
-        drive : of another evaluation.
-        """
-        return drive is self.drive or np.array_equal(drive.acting, self.drive.acting)
+        return motion is self.motion and (
+            drive is self.drive or np.array_equal(drive.acting, self.drive.acting)
+        )
 
     def stack(self, names: Sequence[str]) -> np.ndarray:
         """Return residuals side by side.
@@ -700,26 +693,22 @@ def _range_output(
     On uneven ground its beam sees a patch and not a point. Where it falls carries no information on
     an error of the attitude.
     """
-    straight = _read_by_range(effects)
-    if straight == without_actuators(effects):
+    if not _turning_faults(effects) and not range_lags(effects):
         return output
-    # another fault of the attitude, and the beam sees the same
-    if (
-        reuse
-        and reuse.range_output
-        and straight == _read_by_range(reuse.effects)
-        and reuse.turns_the_same(drive)
-    ):
+    seen = _of_the_range(effects)
+    if reuse and reuse.range_output and seen == _of_the_range(reuse.effects):
         return reuse.range_output
     samples = _samples(flight, motion_of(flight, model, {}, motion), drive.acting)
-    return effect_table.replay(model.parameters, samples, straight, model.terrain)
+    return effect_table.replay(model.parameters, samples, seen, model.terrain)
 
 
-def _read_by_range(effects: effect_table.Effects) -> dict:
-    """Return the effects that a rangefinder shows, its memory included."""
-    faults = _turning_faults(effects)
-    modelled = {**without_actuators(effects), **range_lags(effects)}
-    return {name: values for name, values in modelled.items() if name not in faults}
+def _of_the_range(effects: effect_table.Effects) -> dict:
+    """Return the effects that a rangefinder shows, its memory included: no force is among them."""
+    return {
+        name: values
+        for name, values in effects.items()
+        if "range" in effect_table.get(name).channels
+    }
 
 
 def replay_with_each(
