@@ -130,13 +130,13 @@ def turned(flight: Prepared, yaw_rad: float) -> Prepared:
 def white_part(
     columns: Sequence[int], y: np.ndarray, x: np.ndarray, errors: np.ndarray | None = None
 ) -> WhitePart:
-    """One channel whose rows are white as they are."""
+    """One channel whose rows are white as they are, with errors of the drive."""
     return WhitePart(
         np.arange(len(y)),
         np.asarray(columns),
         y,
         tuple(x.T),
-        csr_array(eye_array(len(y))),
+        lambda: csr_array(eye_array(len(y))),
         np.zeros((len(y), 0)) if errors is None else errors,
     )
 

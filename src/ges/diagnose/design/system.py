@@ -565,13 +565,18 @@ def flight_rows(
     columns : of the design.
     length_s : support of the test functions.
     known_columns : columns to reuse, nuisances by key and others by recipe.
-    like : rows of the same flight, whose instruments are reused: they hardly change with effects.
+    like : rows of the same flight, whose windows and instruments are reused. Instruments hardly
+        change with effects.
 
     Notes
     -----
     A column is minus the residual's change per unit of its coefficient.
     """
-    windows = make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
+    windows = (
+        like.windows
+        if like
+        else make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
+    )
     air = windows.within(flight.flying)
     driven = np.array([block_of(name) == "drive" for name in names])
     here = tuple(

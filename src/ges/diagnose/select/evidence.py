@@ -126,7 +126,7 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
 def _gram_of_part(part: WhitePart, tempering: float) -> Gram:
     of_rows, of_errors = part.products
     gram = Gram(*of_rows, float(len(part.at))).scale(tempering)
-    if not part.feedback_errors.shape[1]:
+    if not len(of_errors[0]):
         return gram
     return _marginalise_copies(gram, *(tempering * product for product in of_errors))
 
