@@ -698,6 +698,8 @@ typedef struct {
   wrench_t wrench;
   drive_t drive;
   reading_t reading;
+  const int *columns; /* of a replay, that are given */
+  int n_columns;
 } replay_t;
 
 /* Whether the lanes hold samples one after another, which move as one vector. */
@@ -766,7 +768,6 @@ static void write_sample(const replay_t *replay, double *const *out, int64_t n, 
   const reading_t *r = &replay->reading;
   const vd *force = replay->force, *moment = replay->moment;
   vd value[N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * GES_ROTORS];
-  int width = N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * ROTORS_OF(s);
 #define X(name, unit, expression, doc) value[OUT_##name] = expression;
 #define XR(name, suffix, unit, expression, doc) \
   for (int i = 0; i < ROTORS_OF(s); i++) value[N_REPLAY_OUT + OUT_##name * ROTORS_OF(s) + i] = expression;
@@ -774,10 +775,12 @@ static void write_sample(const replay_t *replay, double *const *out, int64_t n, 
 #undef X
 #undef XR
   int together = filled == GES_W && in_a_row(at);
-  for (int c = 0; c < width; c++)
-    if (together) memcpy(out[0] + (int64_t)c * n + at[0], &value[c], sizeof value[c]);
+  for (int c = 0; c < replay->n_columns; c++) {
+    const vd *given = &value[replay->columns[c]];
+    if (together) memcpy(out[0] + (int64_t)c * n + at[0], given, sizeof *given);
     else
-      for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(value[c], i);
+      for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(*given, i);
+  }
 }
 
 static void load_replay(replay_t *r, const double *parameters, const plan_t *plan, const ges_effects *const *sets, int n_sets,
@@ -878,9 +881,11 @@ static void replay_in_order(replay_t *r, double *const *out, int n_sets, const d
 }
 
 static void replay(const double *parameters, const plan_t *plan, const ges_effects *const *sets, double *const *out, int n_sets,
-                   const void *terrain, const double *in, int64_t n) {
+                   const void *terrain, const double *in, int64_t n, const int *columns, int n_columns) {
   replay_t r;
   load_replay(&r, parameters, plan, sets, n_sets, terrain);
+  r.columns = columns;
+  r.n_columns = n_columns;
   if (r.active.n_states > 0) replay_in_order(&r, out, n_sets, in, n);
   else replay_samples(&r, out[0], in, n);
 }

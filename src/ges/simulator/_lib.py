@@ -142,6 +142,8 @@ def load(path: Path | None = None) -> ct.CDLL:
         ct.POINTER(CGrid),
         _double_p,
         ct.c_int64,
+        ct.POINTER(ct.c_int),
+        ct.c_int,
         _double_p,
         ct.c_int,
         ct.c_char_p,
@@ -374,7 +376,7 @@ def replay(
     sets: list[CEffects],
     grid: CGrid | None,
     samples: np.ndarray,
-    n_outputs: int,
+    columns: list[int],
     lanes: int,
 ) -> np.ndarray:
     """Compute the model along n recorded samples under each set of effects.
@@ -385,12 +387,12 @@ def replay(
     sets : packed sets of effects.
     grid : height map; None for other ground.
     samples : (n_inputs, n), a row for each quantity.
-    n_outputs : number of quantities given.
+    columns : numbers of the quantities given.
     lanes : 0 for what suits the processor.
 
     Returns
     -------
-    Array (n_sets, n_outputs, n).
+    Array (n_sets, k, n) for k columns.
 
     Raises
     ------
@@ -398,7 +400,7 @@ def replay(
         When a number is out of its bounds.
     """
     samples, parameters = contiguous(samples), contiguous(parameters)
-    out = np.empty((len(sets), n_outputs, samples.shape[1]))
+    out = np.empty((len(sets), len(columns), samples.shape[1]))
     _checked(
         load().ges_replay,
         _pointer(parameters),
@@ -407,6 +409,8 @@ def replay(
         _reference(grid),
         _pointer(samples),
         samples.shape[1],
+        (ct.c_int * len(columns))(*columns),
+        len(columns),
         _pointer(out),
         lanes,
     )

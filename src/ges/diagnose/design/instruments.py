@@ -194,7 +194,8 @@ def _thrust_and_moments(
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **signals})
     on = without_actuators(model.effects) if effects is None else effects
     terrain = model.terrain if effects is None else None
-    replay = effect_table.replay(model.parameters, samples, on, terrain)
+    wanted = (*effect_table.FORCE_N, *effect_table.MOMENT_NM)
+    replay = effect_table.replay(model.parameters, samples, on, terrain, wanted=wanted)
     moments = zip(MOMENTS, replay.moment_Nm.T, strict=True)
     return {"force_z": replay.force_N[:, 2], **dict(moments)}
 

@@ -179,21 +179,26 @@ def undo_sensor_faults(
     faults = _turning_faults(effects)
     if not faults:
         return columns
+    errors, rates = (
+        [name.format(a) for a in "xyz"] for name in ("attitude_error_{}_rad", "gyro_{}_rad_s")
+    )
     output = effect_table.replay(
-        model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain
+        model.parameters,
+        effect_table.Samples.from_columns(columns),
+        faults,
+        model.terrain,
+        wanted=(*errors, *rates),
     )
     # a small turn by the error e is undone by the quaternion (sqrt(1 - |e / 2|^2), -e / 2)
-    turn = -0.5 * output.stack(
-        "attitude_error_x_rad", "attitude_error_y_rad", "attitude_error_z_rad"
-    )
+    turn = -0.5 * output.stack(*errors)
     columns = dict(columns)
     if "q_w" in columns:
         q = np.stack([columns[name] for name in QUATERNION], axis=1)
         q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turn**2).sum(axis=1)), turn]))
         columns.update(zip(QUATERNION, q.T, strict=True))
     # the fault f makes f(x) of a rate x: to first order what was read as x had been 2 x - f(x)
-    for k, name in enumerate(BODY_RATE):
-        columns[name] = 2.0 * columns[name] - output[f"gyro_{'xyz'[k]}_rad_s"]
+    for name, rate in zip(BODY_RATE, rates, strict=True):
+        columns[name] = 2.0 * columns[name] - output[rate]
     return columns
 
 
@@ -648,7 +653,9 @@ def evaluate(
         output = (
             same.output
             if same and modelled == without_actuators(same.effects)
-            else effect_table.replay(model.parameters, samples, modelled, model.terrain)
+            else effect_table.replay(
+                model.parameters, samples, modelled, model.terrain, wanted=_outputs_of(names)
+            )
         )
     range_output = None
     same_lags = reuse is not None and range_lags(effects) == range_lags(reuse.effects)
@@ -699,7 +706,8 @@ def _range_output(
     if reuse and reuse.range_output and seen == _of_the_range(reuse.effects):
         return reuse.range_output
     samples = _samples(flight, motion_of(flight, model, {}, motion), drive.acting)
-    return effect_table.replay(model.parameters, samples, seen, model.terrain)
+    wanted = _outputs_of(["range"])
+    return effect_table.replay(model.parameters, samples, seen, model.terrain, wanted=wanted)
 
 
 def _of_the_range(effects: effect_table.Effects) -> dict:
@@ -724,7 +732,9 @@ def replay_with_each(
     sets : additions that change neither drive nor motion.
     """
     merged = [without_actuators(model.with_effects(extra).effects) for extra in sets]
-    return effect_table.replay_each(model.parameters, base.samples, merged, model.terrain)
+    return effect_table.replay_each(
+        model.parameters, base.samples, merged, model.terrain, wanted=base.output.names
+    )
 
 
 def depend_on_path_alone(effects: effect_table.Effects, on: effect_table.Effects) -> bool:
@@ -860,4 +870,11 @@ _OUTPUTS_OF_BLOCK = {
     "moment": ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"),
     "acc": ("mass_kg", "acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"),
     "range": ("range_m",),
+    "drive": (),
 }
+
+
+def _outputs_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Return what of the model's output channels rest on."""
+    blocks = dict.fromkeys(block_of(name) for name in names)
+    return tuple(dict.fromkeys(o for block in blocks for o in _OUTPUTS_OF_BLOCK[block]))
