@@ -477,7 +477,7 @@ def replay_model(
 
     Returns
     -------
-    The columns of :func:`flown_columns`, and the model's output.
+    The columns (n,) of :func:`flown_columns`, and the model's output.
     """
     columns = flown_columns(flight, model, effects)
     samples, modelled = effect_table.Samples.from_columns(columns), without_actuators(effects)
