@@ -11,7 +11,7 @@ import fnmatch
 import functools
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -772,6 +772,26 @@ def evaluate_terms(
     -------
     Array (n, terms) in N or N m, body frame, as the compiled simulator has it.
     """
+    return np.stack(list(each_term(terms, parameters, samples, effects, terrain)), axis=1)
+
+
+def each_term(
+    terms: Sequence[laws.Term],
+    parameters: Mapping[str, float],
+    samples: Samples,
+    effects: Effects,
+    terrain: Terrain,
+) -> Iterator[np.ndarray]:
+    """Compute what :func:`evaluate_terms` does, one term after another.
+
+    Parameters
+    ----------
+    terms, parameters, samples, effects, terrain : as of :func:`evaluate_terms`.
+
+    Yields
+    ------
+    Array (n,) of each term.
+    """
     rows = samples.rows
     p_m = samples.data[[rows["p_x_m"], rows["p_y_m"]]].T
     used = [
@@ -793,7 +813,5 @@ def evaluate_terms(
         g: ((each[len(laws.SCALES) + i // 6] - without) / scale[laws.SCALES[0]])[:, i % 6]
         for i, g in enumerate(used)
     }
-    return np.stack(
-        [scale[t.scale][:, laws.CHANNELS.index(t.channel)] * t.product(group, p_m) for t in terms],
-        axis=1,
-    )
+    for t in terms:
+        yield scale[t.scale][:, laws.CHANNELS.index(t.channel)] * t.product(group, p_m)

@@ -148,10 +148,9 @@ def term_columns(terms: Sequence[Term], system: System, model: Model) -> list[np
         state = flown_columns(rows.flight, model, model.effects)
         samples = effect_table.Samples.from_columns(state)
         effects = {k: v for k, v in without_actuators(model.effects).items() if k != LAW}
-        added = effect_table.evaluate_terms(
-            terms, model.parameters, samples, effects, model.terrain
-        )
-        columns.append(rows.windows.mean @ added)
+        # averaged one by one: terms are many, and samples more than windows
+        added = effect_table.each_term(terms, model.parameters, samples, effects, model.terrain)
+        columns.append(np.stack([rows.windows.mean @ term for term in added], axis=1))
     return columns
 
 
