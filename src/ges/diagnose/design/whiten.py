@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.design.table import Indices, pick_columns
 from ges.diagnose.settings import settings
+from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -297,7 +298,7 @@ def estimate_noise(
     return NoiseModel(
         *(
             np.array(values)
-            for values in zip(*map(of_channel, range(len(system.names))), strict=True)
+            for values in zip(*each(of_channel, range(len(system.names))), strict=True)
         )
     )
 
@@ -383,9 +384,7 @@ def whiten(
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_prediction_filter(ar) if short else _full_filter(ar)[None] for ar in noise.ar]
-    whitened = [
-        _whiten_flight(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)
-    ]
+    whitened = each(lambda rows, u: _whiten_flight(rows, noise, filters, u), flights, covariate)
     # one kind of response has one cause over all flights and channels, so they are bounded
     # together; the disturbance is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for _, power in whitened for kind, _ in power):

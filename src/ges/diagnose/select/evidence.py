@@ -24,6 +24,7 @@ from ges.diagnose.design.whiten import (
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
+from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -184,7 +185,7 @@ def flight_grams(
         dtype=int,
     )
     sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
-    return [marginalise_deviations(gram_of(w, tempering), varies, sd) for w in whites]
+    return each(lambda w: marginalise_deviations(gram_of(w, tempering), varies, sd), whites)
 
 
 def marginalise_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
