@@ -168,11 +168,11 @@ def test_what_hangs_on_one_block_of_time_is_not_known():
     everywhere = _system((DRAG,), (0.7,))
     first = np.arange(ROWS) < ROWS // 10
     gathered = [
-        dataclasses.replace(r, x=dataclasses.replace(r.x, values=(r.x.values[0] * own[:, None],)))
+        dataclasses.replace(r, x=dataclasses.replace(r.x, values=((r.x.values[0][0] * own,),)))
         for r, own in zip(everywhere.flights, (3.0 * first, 0.0 * first, 0.0 * first), strict=True)
     ]
     y = [
-        r.y - 0.7 * r.x.values[0] + 0.7 * g.x.values[0]
+        r.y - 0.7 * r.x.of(0, [0]) + 0.7 * g.x.of(0, [0])
         for r, g in zip(everywhere.flights, gathered, strict=True)
     ]
     gathered = [dataclasses.replace(g, y=v) for g, v in zip(gathered, y, strict=True)]
