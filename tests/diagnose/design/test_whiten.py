@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from ges.diagnose.design.whiten import (
+    FeedbackErrors,
     NoiseModel,
-    Response,
     estimate_noise,
     noise_residuals,
     variance_covariate,
@@ -220,8 +220,8 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
     part, sd = white_part([0], np.ones(3), np.ones((3, 1))), settings.noise.feedback_correlation_sd
-    one, two = (Response((np.ones(3),), np.array([b]), 1.0 / sd) for b in (1.0, 2.0))
-    both = part.with_response(one).with_response(two)
+    one, two = (FeedbackErrors((np.ones(3),), np.array([b]), 1.0 / sd) for b in (1.0, 2.0))
+    both = part.with_feedback_errors(one).with_feedback_errors(two)
     np.testing.assert_allclose(both.feedback_errors, [[1.0, 2.0]] * 3)
     assert part.feedback_errors.shape == (3, 0)
 

@@ -41,7 +41,7 @@ class NoiseModel:
 
 
 @dataclasses.dataclass(frozen=True)
-class Response:
+class FeedbackErrors:
     """Columns of one kind in one channel that feedback may have made follow the disturbances.
 
     Attributes
@@ -79,7 +79,7 @@ class WhitePart:
     unfiltered : those k columns before they are whitened, (m,) each.
     innovation : returns what whitens them, (n, m).
     drive_errors : (n, d) model errors of a drive, of unit prior sd.
-    responses : errors that feedback may have caused.
+    by_feedback : errors that feedback may have caused.
 
     Notes
     -----
@@ -93,15 +93,15 @@ class WhitePart:
     unfiltered: tuple[np.ndarray, ...]
     innovation: Callable[[], csr_array]
     drive_errors: np.ndarray
-    responses: tuple[Response, ...] = ()
+    by_feedback: tuple[FeedbackErrors, ...] = ()
 
     @property
     def feedback_errors(self) -> np.ndarray:
         """Columns of unit prior sd, (n, j): model errors of a drive, and those by feedback."""
-        if not self.responses:
+        if not self.by_feedback:
             return self.drive_errors
         innovation = self.innovation()
-        return np.hstack([self.drive_errors, *(r.errors(innovation) for r in self.responses)])
+        return np.hstack([self.drive_errors, *(e.errors(innovation) for e in self.by_feedback)])
 
     def of(self, wanted: Indices) -> np.ndarray:
         """Return some whitened columns.
@@ -129,14 +129,14 @@ class WhitePart:
         x, y, errors = self.of(self.columns), self.y, self.feedback_errors
         return (x.T @ x, x.T @ y, float(y @ y)), (errors.T @ errors, x.T @ errors, errors.T @ y)
 
-    def with_response(self, response: Response) -> WhitePart:
+    def with_feedback_errors(self, errors: FeedbackErrors) -> WhitePart:
         """Return a copy with more errors that feedback may have caused.
 
         Parameters
         ----------
-        response : the errors.
+        errors : to add.
         """
-        return dataclasses.replace(self, responses=(*self.responses, response))
+        return dataclasses.replace(self, by_feedback=(*self.by_feedback, errors))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -392,8 +392,8 @@ def whiten(
         for rows, (parts, _), bounds in zip(flights, whitened, _error_bounds(of_kind), strict=True):
             for c, bound in bounds.items():
                 columns = tuple(rows.endogenous[kind, c].values())
-                response = Response(columns, bound, noise.disturbance[c])
-                parts[c] = parts[c].with_response(response)
+                errors = FeedbackErrors(columns, bound, noise.disturbance[c])
+                parts[c] = parts[c].with_feedback_errors(errors)
     return tuple(
         White(tuple(parts.values()), rows.x.shape[2])
         for rows, (parts, _) in zip(flights, whitened, strict=True)
