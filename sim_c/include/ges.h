@@ -17,7 +17,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 11
+#define GES_ABI 12
 #define GES_MAX_ROTORS 16
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 16    /* parameters of one effect */

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from ges.conventions import MOST_NUMBERS
 from ges.errors import GesError
 
-ABI = 11
+ABI = 12
 MAX_EFFECTS, MAX_PARAMETERS = 40, 16
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
