@@ -30,6 +30,7 @@ typedef struct {
   thrust_gain_hook *thrust_gain; /* of the effect that has one, or NULL, and its parameters */
   const vd *thrust_gain_p;
   int wants_agl;
+  int any_rates; /* of extra states; those that a reading advances have none */
   law_t law;
 } active_t;
 
@@ -189,11 +190,17 @@ static inline void add_ground(const active_t *a, const sample_t *s, const vd *y,
       a->effect[j]->ground(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
 }
 
+/* Whether an effect gives the rates of extra states. */
+static inline int has_rates(const effect_t *e) { return e->n_states && (e->ground || e->wrench || e->drive); }
+
+static inline void add_wrench(const active_t *a, int j, const sample_t *s, const vd *y, vd *dy, wrench_t *w) {
+  if (a->effect[j]->wrench)
+    a->effect[j]->wrench(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
+}
+
 /* All other wrench increments. */
 static inline void add_wrenches(const active_t *a, const sample_t *s, const vd *y, vd *dy, wrench_t *w) {
-  for (int j = 0; j < a->n; j++)
-    if (a->effect[j]->wrench)
-      a->effect[j]->wrench(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], w);
+  for (int j = 0; j < a->n; j++) add_wrench(a, j, s, y, dy, w);
   add_law(&a->law, s, w);
 }
 

@@ -17,7 +17,7 @@
 
 #include <stdint.h>
 
-#define GES_ABI 11
+#define GES_ABI 12
 #define GES_MAX_ROTORS 16
 #define GES_MAX_EFFECTS 40       /* effects switched on in one flight */
 #define GES_MAX_PARAMETERS 16    /* parameters of one effect */
@@ -119,11 +119,11 @@ int ges_fly(ges_flight *flights, int n, const int *columns, int n_columns, int l
 /* Rows a flight records; none where a parameter is not allowed, which ges_fly says. */
 int ges_rows(const double *parameters);
 
-/* The model's forces, drive and readings along n recorded samples under each of n_sets sets of effects:
- * in[i_column * n + i], out[(i_set * n_columns + i_column) * n + i].
+/* The model's forces, drive and readings along n recorded samples under each of n_sets sets of effects; columns selects
+ * what is given: in[i_column * n + i], out[(i_set * n_columns + i_column) * n + i].
  * Effects without states take lanes of samples; with states lanes of sets, through the samples in order. */
 int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in,
-               int64_t n, double *out, int lanes, char *error, int error_size);
+               int64_t n, const int *columns, int n_columns, double *out, int lanes, char *error, int error_size);
 
 /* Height (m), slope components, and Laplacian (1/m) of the ground of a flight at n points. */
 int ges_terrain(const double *parameters, const ges_grid *grid, const double *x_m, const double *y_m, int64_t n,

@@ -415,15 +415,17 @@ static int alike(const plan_t *plan, const ges_effects *sets, int n, int most) {
 }
 
 int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, const ges_grid *grid, const double *in, int64_t n,
-               double *out, int lanes, char *error, int error_size) {
+               const int *columns, int n_columns, double *out, int lanes, char *error, int error_size) {
   terrain_t terrain;
   int most = lanes_used(lanes);
   if (!most) return fail(error, error_size, "lanes is %d; allowed are 0 (choose), 1, 2, 4 and 8", lanes);
   if (!check_parameters(parameters, error, error_size) || !check_grid(parameters, grid, error, error_size)) return 0;
   for (int i = 0; i < n_sets; i++)
     if (!check_effects(&sets[i], error, error_size)) return 0;
-  if (!terrain_make(&terrain, parameters, grid)) return fail(error, error_size, "out of memory for the terrain");
   int width = N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * (int)parameters[P_rotors];
+  for (int c = 0; c < n_columns; c++)
+    if (columns[c] < 0 || columns[c] >= width) return fail(error, error_size, "replay column %d does not exist", columns[c]);
+  if (!terrain_make(&terrain, parameters, grid)) return fail(error, error_size, "out of memory for the terrain");
   for (int i = 0, m; i < n_sets; i += m) {
     const ges_effects *together[8];
     double *to[8];
@@ -432,10 +434,10 @@ int ges_replay(const double *parameters, const ges_effects *sets, int n_sets, co
     m = in_order ? alike(&plan, &sets[i], n_sets - i, most) : 1;
     for (int k = 0; k < m; k++) {
       together[k] = &sets[i + k];
-      to[k] = out + (int64_t)(i + k) * width * n;
+      to[k] = out + (int64_t)(i + k) * n_columns * n;
     }
     const kernel_t *fit = kernel_of(parameters, lanes == 0 && in_order && m == 1 ? 1 : most);
-    fit->replay(parameters, &plan, together, to, m, &terrain, in, n);
+    fit->replay(parameters, &plan, together, to, m, &terrain, in, n, columns, n_columns);
   }
   terrain_free(&terrain);
   return 1;

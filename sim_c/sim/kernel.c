@@ -71,6 +71,7 @@ static void add_active(active_t *a, int id, const ges_effects *const *effects) {
   a->effect[j] = e;
   a->first_state[j] = a->n_states;
   a->n_states += e->n_states;
+  if (has_rates(e)) a->any_rates = 1;
   for (int i = 0; i < GES_W; i++)
     for (int m = 0; m < effects[i]->n; m++)
       if (effects[i]->id[m] == id)
@@ -697,6 +698,8 @@ typedef struct {
   wrench_t wrench;
   drive_t drive;
   reading_t reading;
+  const int *columns; /* of a replay, that are given */
+  int n_columns;
 } replay_t;
 
 /* Whether the lanes hold samples one after another, which move as one vector. */
@@ -724,7 +727,7 @@ static void read_sample(replay_t *r, const double *in, int64_t n, const int64_t 
   s->battery = gather(in, n, IN_battery_V, at);
 }
 
-static void evaluate(replay_t *r) {
+static void evaluate_drive(replay_t *r) {
   const active_t *a = &r->active;
   sample_t *s = &r->sample;
   memset(&r->wrench, 0, sizeof r->wrench);
@@ -733,8 +736,20 @@ static void evaluate(replay_t *r) {
   set_factor(s, r->wrench.thrust);
   add_drive(a, s, r->y, r->dy, &r->drive);
   s->voltage = voltage_of(s, &r->drive);
-  add_wrenches(a, s, r->y, r->dy, &r->wrench);
-  sum_wrench(s, &r->wrench, r->force, r->moment);
+}
+
+static void evaluate(replay_t *r) {
+  evaluate_drive(r);
+  add_wrenches(&r->active, &r->sample, r->y, r->dy, &r->wrench);
+  sum_wrench(&r->sample, &r->wrench, r->force, r->moment);
+}
+
+/* Rates of extra states alone: forces of effects that have none do not count. */
+static void evaluate_rates(replay_t *r) {
+  const active_t *a = &r->active;
+  evaluate_drive(r);
+  for (int j = 0; j < a->n; j++)
+    if (has_rates(a->effect[j])) add_wrench(a, j, &r->sample, r->y, r->dy, &r->wrench);
 }
 
 static void see_sample(replay_t *r, const double *in, int64_t n, const int64_t *at) {
@@ -753,7 +768,6 @@ static void write_sample(const replay_t *replay, double *const *out, int64_t n, 
   const reading_t *r = &replay->reading;
   const vd *force = replay->force, *moment = replay->moment;
   vd value[N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * GES_ROTORS];
-  int width = N_REPLAY_OUT + N_REPLAY_OUT_ROTOR * ROTORS_OF(s);
 #define X(name, unit, expression, doc) value[OUT_##name] = expression;
 #define XR(name, suffix, unit, expression, doc) \
   for (int i = 0; i < ROTORS_OF(s); i++) value[N_REPLAY_OUT + OUT_##name * ROTORS_OF(s) + i] = expression;
@@ -761,10 +775,12 @@ static void write_sample(const replay_t *replay, double *const *out, int64_t n, 
 #undef X
 #undef XR
   int together = filled == GES_W && in_a_row(at);
-  for (int c = 0; c < width; c++)
-    if (together) memcpy(out[0] + (int64_t)c * n + at[0], &value[c], sizeof value[c]);
+  for (int c = 0; c < replay->n_columns; c++) {
+    const vd *given = &value[replay->columns[c]];
+    if (together) memcpy(out[0] + (int64_t)c * n + at[0], given, sizeof *given);
     else
-      for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(value[c], i);
+      for (int i = 0; i < filled; i++) out[i][(int64_t)c * n + at[i]] = lane(*given, i);
+  }
 }
 
 static void load_replay(replay_t *r, const double *parameters, const plan_t *plan, const ges_effects *const *sets, int n_sets,
@@ -812,6 +828,7 @@ static void move(sample_t *s, const motion_t *from, const motion_t *to, double s
 /* Extra states over the time since the sample before, by the midpoint rule in steps of at most GES_STATE_STEP_S, position
  * and velocity on straight lines between the samples; gaps over 0.1 s are cut. */
 static void advance_states(replay_t *r, const motion_t *before) {
+  if (!r->active.any_rates) return;
   double dt = lane(r->sample.dt, 0);
   int steps = (int)ceil(dt / GES_STATE_STEP_S - 1e-6);
   vd end = r->sample.t, start[Y_MAX - Y_X], *x = r->y + Y_X, *dx = r->dy + Y_X;
@@ -821,7 +838,7 @@ static void advance_states(replay_t *r, const motion_t *before) {
     if (half % 2 == 0) memcpy(start, x, sizeof(vd) * (size_t)r->active.n_states);
     r->sample.t = end - dt * (1.0 - 0.5 * half / steps);
     move(&r->sample, before, &now, 0.5 * half / steps);
-    evaluate(r);
+    evaluate_rates(r);
     for (int k = 0; k < r->active.n_states; k++) x[k] = start[k] + dx[k] * ahead;
   }
   r->sample.t = end;
@@ -864,9 +881,11 @@ static void replay_in_order(replay_t *r, double *const *out, int n_sets, const d
 }
 
 static void replay(const double *parameters, const plan_t *plan, const ges_effects *const *sets, double *const *out, int n_sets,
-                   const void *terrain, const double *in, int64_t n) {
+                   const void *terrain, const double *in, int64_t n, const int *columns, int n_columns) {
   replay_t r;
   load_replay(&r, parameters, plan, sets, n_sets, terrain);
+  r.columns = columns;
+  r.n_columns = n_columns;
   if (r.active.n_states > 0) replay_in_order(&r, out, n_sets, in, n);
   else replay_samples(&r, out[0], in, n);
 }

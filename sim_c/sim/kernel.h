@@ -30,7 +30,7 @@ typedef struct {
              int n_columns);
   /* A replay of `n_sets` <= lanes sets that share a plan, of one where it has no states; out[i] belongs to sets[i]. */
   void (*replay)(const double *parameters, const plan_t *plan, const ges_effects *const *sets, double *const *out, int n_sets,
-                 const void *terrain, const double *in, int64_t n);
+                 const void *terrain, const double *in, int64_t n, const int *columns, int n_columns);
 } kernel_t;
 
 /* X(number of rotors) of every unit; that of GES_MAX_ROTORS serves every vehicle. */

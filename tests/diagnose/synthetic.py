@@ -3,11 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.sparse import csr_array, eye_array
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
 from ges.diagnose.design.system import DesignColumn, FlightRows, Nuisance, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
+from ges.diagnose.design.whiten import WhitePart
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
 from ges.diagnose.prepare.align import CommandHold, Prepared
 from ges.diagnose.types.model import Model
@@ -123,6 +125,20 @@ def turned(flight: Prepared, yaw_rad: float) -> Prepared:
     w, x, y, z = (flight.columns[name] for name in QUATERNION)
     q = (ch * w - sh * z, ch * x - sh * y, ch * y + sh * x, ch * z + sh * w)
     return flight.replace(columns={**columns, **dict(zip(QUATERNION, q, strict=True))})
+
+
+def white_part(
+    columns: Sequence[int], y: np.ndarray, x: np.ndarray, errors: np.ndarray | None = None
+) -> WhitePart:
+    """One channel whose rows are white as they are, with errors of the drive."""
+    return WhitePart(
+        np.arange(len(y)),
+        np.asarray(columns),
+        y,
+        tuple(x.T),
+        lambda: csr_array(eye_array(len(y))),
+        np.zeros((len(y), 0)) if errors is None else errors,
+    )
 
 
 def manoeuvre(duration_s: float = 6.0, **columns) -> Prepared:

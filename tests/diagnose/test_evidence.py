@@ -9,9 +9,11 @@ from scipy.stats import multivariate_normal, norm
 from ges.diagnose.design.feedback import FlightInstruments, endogenous_parts, subtract_trims
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import White, WhitePart
+from ges.diagnose.design.whiten import White
 from ges.diagnose.select.bounded import log_mass_within
 from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, whitened_against_feedback
+
+from .synthetic import white_part
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 
@@ -111,8 +113,9 @@ def test_of_coefficients_far_beyond_their_bounds_there_is_no_mass_whatever_round
 def test_rows_without_answers_have_the_products_of_the_fit(seen):
     x, y = seen
     rng = np.random.default_rng(5)
-    part = WhitePart(np.arange(60), np.arange(x.shape[1]), y, x, 3.0 * rng.normal(size=(60, 4)))
-    left_x, left_y = whitened_against_feedback(part)
+    every = np.arange(x.shape[1])
+    part = white_part(every, y, x, 3.0 * rng.normal(size=(60, 4)))
+    left_x, left_y = whitened_against_feedback(part, every)
     gram = gram_of(White((part,), x.shape[1]))
     np.testing.assert_allclose(left_x.T @ left_x, gram.xx)
     np.testing.assert_allclose(left_x.T @ left_y, gram.xy)
@@ -120,14 +123,7 @@ def test_rows_without_answers_have_the_products_of_the_fit(seen):
 
 def test_channels_add_up_whatever_columns_act_on_them(seen):
     x, y = seen
-    none = np.zeros((60, 0))
-    few = White(
-        (
-            WhitePart(np.arange(60), np.array([2]), y, x[:, :1], none),
-            WhitePart(np.arange(60), np.array([0, 2]), y, x, none),
-        ),
-        3,
-    )
+    few = White((white_part([2], y, x[:, :1]), white_part([0, 2], y, x)), 3)
     full = np.zeros((120, 3))
     full[:60, 2], full[60:, 0], full[60:, 2] = x[:, 0], x[:, 0], x[:, 1]
     np.testing.assert_allclose(gram_of(few).xx, full.T @ full)
@@ -140,7 +136,7 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     column = windows.mean @ (3.0 + 0.5 * thrust + motion)
     x = table_of([{0: column}, {0: column}], len(column), 1)
-    subtract_trims(
+    x = subtract_trims(
         ("inertia.xx", "cg_offset.x_m"),
         x,
         windows,
@@ -162,7 +158,7 @@ def test_a_moment_that_turned_the_vehicle_is_no_trim():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     x = table_of([{0: windows.mean @ (3.0 + turning)}], len(windows), 1)
     flying = np.ones(len(windows), bool)
-    subtract_trims(("inertia.xx",), x, windows, ("moment_x",), thrust, omega, flying)
+    x = subtract_trims(("inertia.xx",), x, windows, ("moment_x",), thrust, omega, flying)
     left = x.of(0, [0])[:, 0]
     share = np.polyfit(windows.mean @ turning, left, 1)[0]
     assert share > 0.4 and abs(left.mean()) < 0.5
@@ -177,7 +173,7 @@ def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():
     column = 3.0 + windows.mean @ (np.sin(0.2 * t) + np.sin(8.0 * t))
     x, names = table_of([{0: column, 1: column}], len(column), 2), ("force_z", "moment_x")
     told = FlightInstruments(
-        {n: np.zeros((len(column), 1)) for n in names},
+        {},
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
@@ -200,7 +196,7 @@ def test_what_takes_thrust_from_a_rotor_is_an_answer_but_for_its_trim_and_in_yaw
         ("force_z", "moment_x", "moment_z"),
     )
     told = FlightInstruments(
-        {n: np.zeros((len(column), 1)) for n in names},
+        {},
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
@@ -219,9 +215,7 @@ def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     slow, fast = 3.0 + windows.mean @ np.sin(0.2 * t), windows.mean @ np.sin(12.0 * t)
     x, names = table_of([{0: slow + fast, 1: slow + fast}], len(slow), 2), ("force_z", "force_x")
-    told = FlightInstruments(
-        {"force_z": np.zeros((len(slow), 1))}, {"force_z": slow}, {"force_z": 0.0}
-    )
+    told = FlightInstruments({}, {"force_z": slow}, {"force_z": 0.0})
     asked = (
         ("slung_load.mass_kg",),
         x,

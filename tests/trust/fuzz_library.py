@@ -110,9 +110,10 @@ def replay(asked, sets, data) -> None:
     packed.n = data.draw(st.sampled_from([packed.n, -1, 41, 2**31 - 1]))
     packed.n_terms = data.draw(st.sampled_from([0, 1, -1, 25]))
     lanes = data.draw(st.sampled_from([0, 1, 2, 3, 4, 8, -1, 1000]))
+    columns = data.draw(st.lists(st.integers(-1, outputs), max_size=5))
     try:
         vector = parameter_vector(asked)
-        _lib.replay(vector, [packed] * len(sets), None, samples, outputs, lanes)
+        _lib.replay(vector, [packed] * len(sets), None, samples, columns, lanes)
     except (GesError, MemoryError):
         pass
 

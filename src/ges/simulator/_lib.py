@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from ges.conventions import MOST_NUMBERS
 from ges.errors import GesError
 
-ABI = 11
+ABI = 12
 MAX_EFFECTS, MAX_PARAMETERS = 40, 16
 MAX_TERMS, MAX_GROUPS = 24, 16
 _ERROR_SIZE = 512
@@ -144,6 +144,8 @@ def load(path: Path | None = None) -> ct.CDLL:
         ct.POINTER(CGrid),
         _double_p,
         ct.c_int64,
+        ct.POINTER(ct.c_int),
+        ct.c_int,
         _double_p,
         ct.c_int,
         ct.c_char_p,
@@ -376,7 +378,7 @@ def replay(
     sets: list[CEffects],
     grid: CGrid | None,
     samples: np.ndarray,
-    n_outputs: int,
+    columns: list[int],
     lanes: int,
 ) -> np.ndarray:
     """Compute the model along n recorded samples under each set of effects.
@@ -387,12 +389,12 @@ def replay(
     sets : packed sets of effects.
     grid : height map; None for other ground.
     samples : (n_inputs, n), a row for each quantity.
-    n_outputs : number of quantities given.
+    columns : numbers of the quantities given.
     lanes : 0 for what suits the processor.
 
     Returns
     -------
-    Array (n_sets, n_outputs, n).
+    Array (n_sets, k, n) for k columns.
 
     Raises
     ------
@@ -400,7 +402,7 @@ def replay(
         When a number is out of its bounds.
     """
     samples, parameters = contiguous(samples), contiguous(parameters)
-    out = np.empty((len(sets), n_outputs, samples.shape[1]))
+    out = np.empty((len(sets), len(columns), samples.shape[1]))
     _checked(
         load().ges_replay,
         _pointer(parameters),
@@ -409,6 +411,8 @@ def replay(
         _reference(grid),
         _pointer(samples),
         samples.shape[1],
+        (ct.c_int * len(columns))(*columns),
+        len(columns),
         _pointer(out),
         lanes,
     )

@@ -11,7 +11,7 @@ import fnmatch
 import functools
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -595,6 +595,10 @@ class Samples:
         return self.data.shape[1]
 
 
+FORCE_N = ("force_x_N", "force_y_N", "force_z_N")
+MOMENT_NM = ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm")
+
+
 @dataclasses.dataclass(frozen=True)
 class Replay:
     """The model along n recorded samples.
@@ -603,18 +607,19 @@ class Replay:
 
     Attributes
     ----------
-    data : (k, n), a row for each quantity of :func:`replay_rows`.
+    data : (k, n), a row for each quantity.
     n_rotors : number of rotors.
+    names : of the k quantities, of :func:`replay_rows`.
     """
 
     data: np.ndarray
     n_rotors: int
+    names: tuple[str, ...]
 
     def __getitem__(self, name: str) -> np.ndarray:
-        rows = replay_rows(self.n_rotors)
-        if name not in rows:
-            raise unknown_name("replay column", name, rows)
-        return self.data[rows[name]]
+        if name not in self.names:
+            raise unknown_name("replay column", name, self.names)
+        return self.data[self.names.index(name)]
 
     def stack(self, *names: str) -> np.ndarray:
         """Give several columns as an array (n, k).
@@ -633,12 +638,12 @@ class Replay:
     @property
     def force_N(self) -> np.ndarray:
         """Force on the body without gravity, body frame, (n, 3)."""
-        return self.stack("force_x_N", "force_y_N", "force_z_N")
+        return self.stack(*FORCE_N)
 
     @property
     def moment_Nm(self) -> np.ndarray:
         """Moment on the body without the gyroscopic term, body frame, (n, 3)."""
-        return self.stack("moment_x_Nm", "moment_y_Nm", "moment_z_Nm")
+        return self.stack(*MOMENT_NM)
 
     @property
     def thrust_N(self) -> np.ndarray:
@@ -657,6 +662,7 @@ def replay(
     effects: Effects | None = None,
     terrain: Terrain | None = None,
     lanes: int = 0,
+    wanted: Iterable[str] | None = None,
 ) -> Replay:
     """Compute forces, drive and sensor readings of the model along recorded samples.
 
@@ -669,6 +675,7 @@ def replay(
     terrain : ground; flat at 0 by default.
     lanes : samples that are computed together; 0 for what suits the processor. Results are the same
         bits.
+    wanted : names of :func:`replay_rows` to give; by default all.
 
     Returns
     -------
@@ -681,7 +688,7 @@ def replay(
     UsageError
         When a name is unknown.
     """
-    return replay_each(parameters, samples, [effects or {}], terrain, lanes)[0]
+    return replay_each(parameters, samples, [effects or {}], terrain, lanes, wanted)[0]
 
 
 def replay_each(
@@ -690,6 +697,7 @@ def replay_each(
     sets: Sequence[Effects],
     terrain: Terrain | None = None,
     lanes: int = 0,
+    wanted: Iterable[str] | None = None,
 ) -> list[Replay]:
     """Compute :func:`replay` under each of several sets of effects.
 
@@ -697,7 +705,7 @@ def replay_each(
 
     Parameters
     ----------
-    parameters, samples, terrain, lanes : as of :func:`replay`.
+    parameters, samples, terrain, lanes, wanted : as of :func:`replay`.
     sets : sets of effects, each with parameters by effect.
 
     Returns
@@ -709,9 +717,14 @@ def replay_each(
     heights, packed = terrain.height_map(), [pack(e) for e in sets]
     grid = None if heights is None else _lib.pack_grid(*heights)
     n_rotors = rotors_of(parameters)
-    prepared, n_outputs = samples.of(n_rotors), len(replay_rows(n_rotors))
-    replayed = _lib.replay(vector, packed, grid, prepared.data, n_outputs, lanes)
-    return [Replay(data, n_rotors) for data in replayed]
+    prepared, rows = samples.of(n_rotors), replay_rows(n_rotors)
+    names = tuple(rows if wanted is None else wanted)
+    for name in names:
+        if name not in rows:
+            raise unknown_name("replay column", name, rows)
+    columns = [rows[name] for name in names]
+    replayed = _lib.replay(vector, packed, grid, prepared.data, columns, lanes)
+    return [Replay(data, n_rotors, names) for data in replayed]
 
 
 def evaluate(
@@ -749,7 +762,7 @@ def evaluate(
     # evaluated beside what is on, since a modifier alone adds nothing
     with_it = replay(parameters, samples, {**base, name: values}, terrain)
     without = replay(parameters, samples, base, terrain)
-    return Replay(with_it.data - without.data, without.n_rotors)
+    return dataclasses.replace(without, data=with_it.data - without.data)
 
 
 def evaluate_terms(
@@ -770,6 +783,26 @@ def evaluate_terms(
     -------
     Array (n, terms) in N or N m, body frame, as the compiled simulator has it.
     """
+    return np.stack(list(each_term(terms, parameters, samples, effects, terrain)), axis=1)
+
+
+def each_term(
+    terms: Sequence[laws.Term],
+    parameters: Mapping[str, float],
+    samples: Samples,
+    effects: Effects,
+    terrain: Terrain,
+) -> Iterator[np.ndarray]:
+    """Compute what :func:`evaluate_terms` does, one term after another.
+
+    Parameters
+    ----------
+    terms, parameters, samples, effects, terrain : as of :func:`evaluate_terms`.
+
+    Yields
+    ------
+    Array (n,) of each term.
+    """
     rows = samples.rows
     p_m = samples.data[[rows["p_x_m"], rows["p_y_m"]]].T
     used = [
@@ -783,14 +816,13 @@ def evaluate_terms(
     scales = [[laws.Term.of(c, scale, {}) for c in laws.CHANNELS] for scale in laws.SCALES]
     sets = [{**effects, laws.LAW: {t.key: 1.0 for t in batch}} for batch in ([], *scales, *batches)]
     without, *each = [
-        np.hstack([r.force_N, r.moment_Nm]) for r in replay_each(parameters, samples, sets, terrain)
+        np.hstack([r.force_N, r.moment_Nm])
+        for r in replay_each(parameters, samples, sets, terrain, wanted=(*FORCE_N, *MOMENT_NM))
     ]
     scale = {name: r - without for name, r in zip(laws.SCALES, each, strict=False)}
     group = {
         g: ((each[len(laws.SCALES) + i // 6] - without) / scale[laws.SCALES[0]])[:, i % 6]
         for i, g in enumerate(used)
     }
-    return np.stack(
-        [scale[t.scale][:, laws.CHANNELS.index(t.channel)] * t.product(group, p_m) for t in terms],
-        axis=1,
-    )
+    for t in terms:
+        yield scale[t.scale][:, laws.CHANNELS.index(t.channel)] * t.product(group, p_m)

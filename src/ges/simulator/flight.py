@@ -252,8 +252,9 @@ def fly(
     1.0
     """
     names, numbers = _recorded(flights, wanted), _column_numbers()
-    flown = _lib.fly([_packed(f) for f in flights], [numbers[name] for name in names], lanes)
-    seeds = [int(f.numbers().get("seed", parameters()["seed"].default)) for f in flights]
+    packed, seed = [_packed(f) for f in flights], list(parameters()).index("seed")
+    flown = _lib.fly(packed, [numbers[name] for name in names], lanes)
+    seeds = [int(vector[seed]) for vector, *_ in packed]
     return [
         # the library gives a row a sample; a column has to be contiguous for what reads it alone
         Record(

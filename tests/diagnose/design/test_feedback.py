@@ -15,6 +15,7 @@ from ges.diagnose.design.feedback import (
     moves_a_speed,
     near_ground_gain,
 )
+from ges.diagnose.design.instruments import directions
 from ges.diagnose.design.table import table_of
 from ges.diagnose.settings import settings
 
@@ -28,9 +29,9 @@ AIR = np.ones(COUNT, bool)
 
 def _told(names, strong=0.0, z=None):
     """What instruments say: nothing, or as ``strong`` as given by the columns ``z`` (m, k)."""
-    z = np.zeros((COUNT, 1)) if z is None else z
+    spanned = np.zeros((COUNT, 0)) if z is None else directions(z)
     return FlightInstruments(
-        dict.fromkeys(names, z), dict.fromkeys(names, THRUST), {n: strong for n in names}
+        dict.fromkeys(names, spanned), dict.fromkeys(names, THRUST), {n: strong for n in names}
     )
 
 
@@ -117,8 +118,7 @@ def test_shapes_of_one_parameter_are_loose_alike_by_the_first():
 
 def test_on_the_ground_nothing_is_loose():
     air = T > 10.0
-    z, own = np.zeros((air.sum(), 1)), THRUST[air]
-    told = FlightInstruments({"moment_x": z}, {"moment_x": own}, {"moment_x": 0.0})
+    told = FlightInstruments({}, {"moment_x": THRUST[air]}, {"moment_x": 0.0})
     part = _endogenous(("motor_lag.up_s",), ("moment_x",), [np.sin(T)], told, air)["dynamic", 0]
     np.testing.assert_array_equal(part["motor_lag.up_s"], np.where(air, np.sin(T), 0.0))
 

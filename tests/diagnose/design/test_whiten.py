@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from ges.diagnose.design.whiten import (
+    FeedbackErrors,
     NoiseModel,
-    WhitePart,
     estimate_noise,
     noise_residuals,
     variance_covariate,
@@ -19,7 +19,7 @@ from ges.diagnose.design.whiten import (
 )
 from ges.diagnose.settings import settings, using
 
-from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
+from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of, white_part
 
 WINDOWS = 1500
 DRAG = amplitude("rotor_drag.k_kg")
@@ -58,8 +58,9 @@ def test_columns_go_through_the_filter_of_the_residuals():
     y = _coloured(0.7)
     system = _alone(y, columns=[DRAG], acting=[{0: -2.5 * y}])
     ((part,),) = (w.parts for w in _whitened(system, estimate_noise(_alone(y))))
-    np.testing.assert_allclose(part.x[:, 0], -2.5 * part.y)
-    assert part.products[0] == pytest.approx(6.25 * part.products[2])
+    np.testing.assert_allclose(part.of([0])[:, 0], -2.5 * part.y)
+    (xx, _, yy), _ = part.products
+    assert xx == pytest.approx(6.25 * yy)
 
 
 def test_whitened_numbers_do_not_know_the_unit_of_their_channel():
@@ -70,7 +71,7 @@ def test_whitened_numbers_do_not_know_the_unit_of_their_channel():
         ((part,),) = (w.parts for w in _whitened(system, estimate_noise(system)))
         made.append(part)
     np.testing.assert_allclose(made[0].y, made[1].y, rtol=1e-6)
-    np.testing.assert_allclose(made[0].x, made[1].x, rtol=1e-6)
+    np.testing.assert_allclose(made[0].of([0]), made[1].of([0]), rtol=1e-6)
 
 
 def test_the_order_of_flights_does_not_matter():
@@ -211,16 +212,17 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     answers = [part.feedback_errors[:, 0] for part in parts]
     sd = settings.noise.feedback_correlation_sd
     for part, answer in zip(parts, answers, strict=True):
-        share = answer / part.x[:, 0]
+        share = answer / part.of([0])[:, 0]
         assert np.ptp(share) < 1e-9
-        size = np.sqrt(np.mean(part.x[:, 0] ** 2))
+        size = np.sqrt(np.mean(part.of([0])[:, 0] ** 2))
         assert share[0] == pytest.approx(2.0 * sd * np.sqrt(copies) / size)
 
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
-    part = WhitePart(np.arange(3), np.array([0]), np.ones(3), np.ones((3, 1)), np.zeros((3, 0)))
-    both = part.with_feedback_errors(np.ones((3, 1))).with_feedback_errors(2.0 * np.ones((3, 1)))
-    np.testing.assert_array_equal(both.feedback_errors, [[1.0, 2.0]] * 3)
+    part, sd = white_part([0], np.ones(3), np.ones((3, 1))), settings.noise.feedback_correlation_sd
+    one, two = (FeedbackErrors((np.ones(3),), np.array([b]), 1.0 / sd) for b in (1.0, 2.0))
+    both = part.with_feedback_errors(one).with_feedback_errors(two)
+    np.testing.assert_allclose(both.feedback_errors, [[1.0, 2.0]] * 3)
     assert part.feedback_errors.shape == (3, 0)
 
 

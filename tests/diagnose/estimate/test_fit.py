@@ -60,10 +60,10 @@ def _dense(regression, chosen, common, varies, prior_mean, prior_sd):
     for f, white in enumerate(regression.whites):
         (part,) = white.parts
         row = np.zeros((len(part.y), size))
-        row[:, : len(chosen)] = part.x[:, chosen]
-        row[:, len(chosen) : len(chosen) + len(common)] = part.x[:, common]
+        row[:, : len(chosen)] = part.of(chosen)
+        row[:, len(chosen) : len(chosen) + len(common)] = part.of(common)
         start = len(chosen) + len(common) + f * len(varies)
-        row[:, start : start + len(varies)] = part.x[:, varies]
+        row[:, start : start + len(varies)] = part.of(varies)
         x.append(row)
         y.append(part.y)
     mean = [
@@ -111,7 +111,7 @@ def test_coefficients_may_differ_by_many_orders_in_their_units():
     unit = 1e-9
     rows = [
         dataclasses.replace(
-            r, x=dataclasses.replace(r.x, values=(r.x.values[0] * np.array([unit, 1.0]),))
+            r, x=dataclasses.replace(r.x, values=((unit * r.x.values[0][0], r.x.values[0][1]),))
         )
         for r in plain.flights
     ]
@@ -146,7 +146,7 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
     blocks = [np.repeat(rng.standard_normal(ROWS // 40), 40) for _ in range(FLIGHTS)]
     plain, blocky = _system((DRAG,), (0.7,)), _system((DRAG,), (0.7,), noise=blocks)
     ones = [
-        dataclasses.replace(r, x=dataclasses.replace(r.x, values=(np.ones((ROWS, 1)),)))
+        dataclasses.replace(r, x=dataclasses.replace(r.x, values=((np.ones(ROWS),),)))
         for r in blocky.flights
     ]
     steady = dataclasses.replace(blocky, flights=tuple(ones))
@@ -168,11 +168,11 @@ def test_what_hangs_on_one_block_of_time_is_not_known():
     everywhere = _system((DRAG,), (0.7,))
     first = np.arange(ROWS) < ROWS // 10
     gathered = [
-        dataclasses.replace(r, x=dataclasses.replace(r.x, values=(r.x.values[0] * own[:, None],)))
+        dataclasses.replace(r, x=dataclasses.replace(r.x, values=((r.x.values[0][0] * own,),)))
         for r, own in zip(everywhere.flights, (3.0 * first, 0.0 * first, 0.0 * first), strict=True)
     ]
     y = [
-        r.y - 0.7 * r.x.values[0] + 0.7 * g.x.values[0]
+        r.y - 0.7 * r.x.of(0, [0]) + 0.7 * g.x.of(0, [0])
         for r, g in zip(everywhere.flights, gathered, strict=True)
     ]
     gathered = [dataclasses.replace(g, y=v) for g, v in zip(gathered, y, strict=True)]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal, norm
 
-from ges.diagnose.design.whiten import White, WhitePart
+from ges.diagnose.design.whiten import White
 from ges.diagnose.select.evidence import (
     Gram,
     Posterior,
@@ -25,7 +25,7 @@ from ges.diagnose.select.evidence import (
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 
-from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of
+from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of, white_part
 
 SEEDS = st.integers(0, 2**31)
 ROWS = 50
@@ -137,8 +137,7 @@ def test_sets_at_once_are_the_sets_one_by_one():
 
 
 def _white(x, y, answer=None):
-    answer = np.zeros((len(y), 0)) if answer is None else answer
-    return White((WhitePart(np.arange(len(y)), np.arange(x.shape[1]), y, x, answer),), x.shape[1])
+    return White((white_part(range(x.shape[1]), y, x, answer),), x.shape[1])
 
 
 def test_tempering_counts_every_window_by_a_share():

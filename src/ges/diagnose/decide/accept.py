@@ -45,6 +45,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
+from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -432,7 +433,7 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
         return accepted
     # along its own path a push of turbulence no longer moves the velocity that drag depends on
     model = fitted_model(system.model, fitted)
-    flights = [with_rollout_path(flight, model) for flight in system.recordings]
+    flights = each(lambda flight: with_rollout_path(flight, model), system.recordings)
     polished = polish(system, fitted.effects, fitted.free, flights)
     return dataclasses.replace(accepted, fitted=polished)
 

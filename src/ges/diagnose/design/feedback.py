@@ -32,6 +32,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ges.conventions import AXES
 from ges.diagnose.design.instruments import (
+    directions,
     instrument_strength,
     instruments,
     project,
@@ -98,8 +99,8 @@ def subtract_trims(
     thrust: np.ndarray,
     omega: np.ndarray,
     air: np.ndarray,
-) -> None:
-    """Subtract the trim from the moments of ``dynamic`` columns, in place.
+) -> ColumnTable:
+    """Subtract the trim from the moments of ``dynamic`` columns.
 
     Parameters
     ----------
@@ -110,6 +111,10 @@ def subtract_trims(
     omega : (n, 3) body rates, rad/s.
     air : (m,) True for windows in the air.
 
+    Returns
+    -------
+    The columns without their trim; all others are shared.
+
     Notes
     -----
     A trim is constant or proportional to thrust. A moment that turned the vehicle is no trim,
@@ -118,6 +123,7 @@ def subtract_trims(
     """
     dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
     constant_and_thrust = np.column_stack([np.ones(len(thrust)), thrust])
+    values = [list(columns) for columns in x.values]
     for c, name in enumerate(names):
         if block_of(name) != "moment" or not dynamic[x.at[c]].any():
             continue
@@ -125,11 +131,15 @@ def subtract_trims(
         mean, rate = windows.functions[MarkedChannel.of(name).mark]
         trim = (mean @ constant_and_thrust)[air]
         rotation = (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
-        at = np.ix_(air, dynamic[x.at[c]])
+        places = np.flatnonzero(dynamic[x.at[c]])
+        columns = np.stack([values[c][k] for k in places], axis=1)
         regressors = np.column_stack([trim, rotation])
         # both are fitted, the trim alone is taken out
-        fitted = np.linalg.lstsq(regressors, x.values[c][at], rcond=None)[0]
-        x.values[c][at] -= trim @ fitted[: trim.shape[1]]
+        fitted = np.linalg.lstsq(regressors, columns[air], rcond=None)[0]
+        columns[air] -= trim @ fitted[: trim.shape[1]]
+        for k, column in zip(places, columns.T, strict=True):
+            values[c][k] = column.copy()
+    return dataclasses.replace(x, values=tuple(map(tuple, values)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,12 +148,12 @@ class FlightInstruments:
 
     Attributes
     ----------
-    z : (m, k) instruments.
+    spanned : (m, r) orthonormal directions of those that are strong.
     signal : (m,) thrust or moment of the rotors, or commands of a drive.
     strength : share of the signal that the instruments explain.
     """
 
-    z: Mapping[str, np.ndarray]
+    spanned: Mapping[str, np.ndarray]
     signal: Mapping[str, np.ndarray]
     strength: Mapping[str, float]
 
@@ -176,9 +186,9 @@ def flight_instruments(
         for n, finite in zip(names, np.isfinite(y).all(axis=0), strict=True)
         if finite and (block_of(n) in ("moment", DRIVE) or n in VERTICAL)
     ]
-    return FlightInstruments(
-        z, signal, {n: instrument_strength(signal[n], z[n], block) for n in shown}
-    )
+    strength = {n: instrument_strength(signal[n], z[n], block) for n in shown}
+    spanned = {n: directions(z[n]) for n, share in strength.items() if _is_strong(share)}
+    return FlightInstruments(spanned, signal, strength)
 
 
 def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[str]) -> list[dict]:
@@ -236,7 +246,7 @@ class _Channel:
         rest = _without_mean(x) if mean_counts else x
         if not _is_strong(self.instruments.strength[self.name]):
             return rest
-        return rest - project(x, self.instruments.z[self.name])
+        return rest - project(x, self.instruments.spanned[self.name])
 
     def fast_remainder(self, x: np.ndarray) -> np.ndarray:
         """Return fast changes of columns (a, k) that instruments do not explain.

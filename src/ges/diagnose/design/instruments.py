@@ -194,7 +194,8 @@ def _thrust_and_moments(
     samples = effect_table.Samples.from_columns({"t_s": flight.t_s - flight.t_s[0], **signals})
     on = without_actuators(model.effects) if effects is None else effects
     terrain = model.terrain if effects is None else None
-    replay = effect_table.replay(model.parameters, samples, on, terrain)
+    wanted = (*effect_table.FORCE_N, *effect_table.MOMENT_NM)
+    replay = effect_table.replay(model.parameters, samples, on, terrain, wanted=wanted)
     moments = zip(MOMENTS, replay.moment_Nm.T, strict=True)
     return {"force_z": replay.force_N[:, 2], **dict(moments)}
 
@@ -213,24 +214,37 @@ def _centred_means(signals: Sequence[np.ndarray], mean: csr_array) -> list[np.nd
     return [a - a.mean() for a in averages]
 
 
-def project(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Project columns on instruments.
+def directions(z: np.ndarray) -> np.ndarray:
+    """Return what instruments span.
 
     Parameters
     ----------
-    x : (m, k) columns.
     z : (m, j) instruments.
 
     Returns
     -------
-    (m, k).
+    (m, r) orthonormal directions.
     """
     size = np.sqrt((z**2).sum(axis=0))
     z = z[:, size > 0] / size[size > 0]
     # lags of one slow signal are nearly alike: directions that are but rounding are left out
     u, s, _ = np.linalg.svd(z, full_matrices=False)
-    u = u[:, s > settings.numerics.small * s.max(initial=0.0)]
-    return u @ (u.T @ x)
+    return u[:, s > settings.numerics.small * s.max(initial=0.0)]
+
+
+def project(x: np.ndarray, spanned: np.ndarray) -> np.ndarray:
+    """Project columns on instruments.
+
+    Parameters
+    ----------
+    x : (m, k) columns.
+    spanned : (m, r) of :func:`directions`.
+
+    Returns
+    -------
+    (m, k).
+    """
+    return spanned @ (spanned.T @ x)
 
 
 def instrument_strength(signal: np.ndarray, z: np.ndarray, block: np.ndarray) -> float:

@@ -107,10 +107,12 @@ class Motion:
     Attributes
     ----------
     columns : (n,) by contract column; rotor speeds are not among them.
+    as_read : the same before sensor faults are undone.
     gravity_m_s2 : gravity.
     """
 
     columns: Mapping[str, np.ndarray]
+    as_read: Mapping[str, np.ndarray]
     gravity_m_s2: float
 
     @functools.cached_property
@@ -129,7 +131,9 @@ class Motion:
         )
 
 
-def motion_of(flight: Prepared, model: Model, effects: effect_table.Effects) -> Motion:
+def motion_of(
+    flight: Prepared, model: Model, effects: effect_table.Effects, like: Motion | None = None
+) -> Motion:
     """Return the motion of a flight, with sensor faults undone.
 
     Parameters
@@ -137,10 +141,11 @@ def motion_of(flight: Prepared, model: Model, effects: effect_table.Effects) -> 
     flight : prepared recording.
     model : of the vehicle.
     effects : of which sensor faults count.
+    like : motion of the same flight and vehicle under other faults.
     """
+    as_read = like.as_read if like else _state_columns(flight, model)
     return Motion(
-        undo_sensor_faults(_state_columns(flight, model), model, effects),
-        model.number("gravity_m_s2"),
+        undo_sensor_faults(as_read, model, effects), as_read, model.number("gravity_m_s2")
     )
 
 
@@ -161,8 +166,8 @@ def _turning_faults(effects: effect_table.Effects) -> dict:
 
 
 def undo_sensor_faults(
-    columns: dict[str, np.ndarray], model: Model, effects: effect_table.Effects
-) -> dict[str, np.ndarray]:
+    columns: Mapping[str, np.ndarray], model: Model, effects: effect_table.Effects
+) -> Mapping[str, np.ndarray]:
     """Return attitude and rates as they were, if the given sensor faults had made the readings.
 
     Parameters
@@ -174,21 +179,26 @@ def undo_sensor_faults(
     faults = _turning_faults(effects)
     if not faults:
         return columns
+    errors, rates = (
+        [name.format(a) for a in "xyz"] for name in ("attitude_error_{}_rad", "gyro_{}_rad_s")
+    )
     output = effect_table.replay(
-        model.parameters, effect_table.Samples.from_columns(columns), faults, model.terrain
+        model.parameters,
+        effect_table.Samples.from_columns(columns),
+        faults,
+        model.terrain,
+        wanted=(*errors, *rates),
     )
     # a small turn by the error e is undone by the quaternion (sqrt(1 - |e / 2|^2), -e / 2)
-    turn = -0.5 * output.stack(
-        "attitude_error_x_rad", "attitude_error_y_rad", "attitude_error_z_rad"
-    )
+    turn = -0.5 * output.stack(*errors)
     columns = dict(columns)
     if "q_w" in columns:
         q = np.stack([columns[name] for name in QUATERNION], axis=1)
         q = quaternion_product(q, np.column_stack([np.sqrt(1.0 - (turn**2).sum(axis=1)), turn]))
         columns.update(zip(QUATERNION, q.T, strict=True))
     # the fault f makes f(x) of a rate x: to first order what was read as x had been 2 x - f(x)
-    for k, name in enumerate(BODY_RATE):
-        columns[name] = 2.0 * columns[name] - output[f"gyro_{'xyz'[k]}_rad_s"]
+    for name, rate in zip(BODY_RATE, rates, strict=True):
+        columns[name] = 2.0 * columns[name] - output[rate]
     return columns
 
 
@@ -437,40 +447,49 @@ def affects_drive(effects: effect_table.Effects, on: effect_table.Effects | None
     return any(effect_table.get(name).kind == "actuator" for name in acting)
 
 
-def replay_model(
-    flight: Prepared,
-    model: Model,
-    effects: effect_table.Effects,
-    speeds: np.ndarray | None = None,
-    motion: Motion | None = None,
-    late: bool = False,
-) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
-    """Evaluate the compiled model along the recorded state.
+def flown_columns(
+    flight: Prepared, model: Model, effects: effect_table.Effects
+) -> dict[str, np.ndarray]:
+    """Return all that the library reads of every sample, with the acting rotor speeds.
 
     Parameters
     ----------
     flight : prepared recording.
     model : of the vehicle.
-    effects : that are on. Actuators are left out: they have made the speeds already.
-    speeds : (n, rotors) rotor speeds, rad/s; the acting ones where not given.
-    motion : of :func:`motion_of`, where it is known.
-    late : whether a rangefinder with memory is evaluated too, whose samples depend on one another.
+    effects : that are on. Actuators have made the speeds.
 
     Returns
     -------
-    State columns (n,) in the units of their names, with sensor faults undone, and the model's
-    output.
+    State columns (n,) in the units of their names, with sensor faults undone.
     """
-    motion = motion or motion_of(flight, model, effects)
-    speeds = acting_speeds(flight, model, effects) if speeds is None else speeds
-    columns = _with_rotors(flight, motion, speeds)
-    samples = effect_table.Samples.from_columns(columns)
-    evaluated = without_actuators(effects) | (range_lags(effects) if late else {})
-    return columns, effect_table.replay(model.parameters, samples, evaluated, model.terrain)
+    motion = motion_of(flight, model, effects)
+    return _with_rotors(flight, motion, acting_speeds(flight, model, effects))
+
+
+def replay_model(
+    flight: Prepared, model: Model, effects: effect_table.Effects
+) -> tuple[dict[str, np.ndarray], effect_table.Replay]:
+    """Evaluate the compiled model along the recorded state.
+
+    Parameters
+    ----------
+    flight, model, effects : as for :func:`flown_columns`.
+
+    Returns
+    -------
+    The columns (n,) of :func:`flown_columns`, and the model's output.
+    """
+    columns = flown_columns(flight, model, effects)
+    samples, modelled = effect_table.Samples.from_columns(columns), without_actuators(effects)
+    return columns, effect_table.replay(model.parameters, samples, modelled, model.terrain)
+
+
+def _samples(flight: Prepared, motion: Motion, speeds: np.ndarray) -> effect_table.Samples:
+    """Return what the library reads, with these rotor speeds (n, rotors)."""
+    return effect_table.Samples.from_columns(_with_rotors(flight, motion, speeds))
 
 
 def _with_rotors(flight: Prepared, motion: Motion, speeds: np.ndarray) -> dict[str, np.ndarray]:
-    """Return all that the library reads of every sample, with these rotor speeds (n, rotors)."""
     n, rate = speeds.shape[1], np.gradient(speeds, flight.dt_s, axis=0)
     return {
         **motion.columns,
@@ -520,16 +539,32 @@ class Evaluation:
     Attributes
     ----------
     drive, motion : of the flight.
+    samples : of both, as the library reads them.
     effects : that were on.
     output : the model's, along the flight.
+    range_output : the model's for a rangefinder, see :func:`_range_output`; None where its
+        residual was taken over.
     residuals : by channel, (m,).
     """
 
     drive: Drive
     motion: Motion
+    samples: effect_table.Samples
     effects: effect_table.Effects
     output: effect_table.Replay
+    range_output: effect_table.Replay | None
     residuals: Mapping[str, np.ndarray]
+
+    def flies_the_same(self, drive: Drive, motion: Motion) -> bool:
+        """Return whether rotor speeds and motion are those of this evaluation.
+
+        Parameters
+        ----------
+        drive, motion : of another evaluation.
+        """
+        return motion is self.motion and (
+            drive is self.drive or np.array_equal(drive.acting, self.drive.acting)
+        )
 
     def stack(self, names: Sequence[str]) -> np.ndarray:
         """Return residuals side by side.
@@ -609,13 +644,20 @@ def evaluate(
     motion = (
         reuse.motion
         if reuse and not _turning_faults(extra_effects or {})
-        else motion_of(flight, model, effects)
+        else motion_of(flight, model, effects, reuse.motion if reuse else None)
     )
+    same = reuse if reuse and reuse.flies_the_same(drive, motion) else None
+    samples = same.samples if same else _samples(flight, motion, drive.acting)
+    modelled = without_actuators(effects)
     if output is None:
         output = (
-            _reused_output(reuse, drive, motion, effects)
-            or replay_model(flight, model, effects, drive.acting, motion)[1]
+            same.output
+            if same and modelled == without_actuators(same.effects)
+            else effect_table.replay(
+                model.parameters, samples, modelled, model.terrain, wanted=_outputs_of(names)
+            )
         )
+    range_output = None
     same_lags = reuse is not None and range_lags(effects) == range_lags(reuse.effects)
     residuals: dict[str, np.ndarray] = {}
     for block in dict.fromkeys(block_of(name) for name in names):
@@ -633,15 +675,15 @@ def evaluate(
                 {name: value for name, value in reuse.residuals.items() if block_of(name) == block}
             )
         else:
-            block_output = (
-                _range_output(flight, model, effects, drive, output, reuse)
-                if block == "range"
-                else output
-            )
+            block_output = output
+            if block == "range":
+                block_output = range_output = _range_output(
+                    flight, model, effects, drive, motion, output, reuse
+                )
             residuals.update(
                 _BLOCKS[block](flight, windows, model, names, drive, motion, block_output)
             )
-    return Evaluation(drive, motion, effects, output, residuals)
+    return Evaluation(drive, motion, samples, effects, output, range_output, residuals)
 
 
 def _range_output(
@@ -649,6 +691,7 @@ def _range_output(
     model: Model,
     effects: effect_table.Effects,
     drive: Drive,
+    motion: Motion,
     output: effect_table.Replay,
     reuse: Evaluation | None,
 ) -> effect_table.Replay:
@@ -657,12 +700,23 @@ def _range_output(
     On uneven ground its beam sees a patch and not a point. Where it falls carries no information on
     an error of the attitude.
     """
-    faults, late = _turning_faults(effects), bool(range_lags(effects))
-    if not faults and not late:
+    if not _turning_faults(effects) and not range_lags(effects):
         return output
-    straight = {name: values for name, values in effects.items() if name not in faults}
-    earlier = _reused_output(reuse, drive, reuse.motion, straight) if reuse and not late else None
-    return earlier or replay_model(flight, model, straight, drive.acting, late=late)[1]
+    seen = _of_the_range(effects)
+    if reuse and reuse.range_output and seen == _of_the_range(reuse.effects):
+        return reuse.range_output
+    samples = _samples(flight, motion_of(flight, model, {}, motion), drive.acting)
+    wanted = _outputs_of(["range"])
+    return effect_table.replay(model.parameters, samples, seen, model.terrain, wanted=wanted)
+
+
+def _of_the_range(effects: effect_table.Effects) -> dict:
+    """Return the effects that a rangefinder shows, its memory included: no force is among them."""
+    return {
+        name: values
+        for name, values in effects.items()
+        if "range" in effect_table.get(name).channels
+    }
 
 
 def replay_with_each(
@@ -677,11 +731,10 @@ def replay_with_each(
     base : evaluation without additions.
     sets : additions that change neither drive nor motion.
     """
-    samples = effect_table.Samples.from_columns(
-        _with_rotors(flight, base.motion, base.drive.acting)
-    )
     merged = [without_actuators(model.with_effects(extra).effects) for extra in sets]
-    return effect_table.replay_each(model.parameters, samples, merged, model.terrain)
+    return effect_table.replay_each(
+        model.parameters, base.samples, merged, model.terrain, wanted=base.output.names
+    )
 
 
 def depend_on_path_alone(effects: effect_table.Effects, on: effect_table.Effects) -> bool:
@@ -694,16 +747,6 @@ def depend_on_path_alone(effects: effect_table.Effects, on: effect_table.Effects
     """
     remembers = any(effect_table.get(name).remembers_the_path for name in effects)
     return remembers and not _turning_faults(effects) and not affects_drive(effects, on)
-
-
-def _reused_output(
-    reuse: Evaluation | None, drive: Drive, motion: Motion, effects: effect_table.Effects
-) -> effect_table.Replay | None:
-    """Return the model output of another evaluation, if nothing that it depends on differs."""
-    if reuse is None or motion is not reuse.motion:
-        return None
-    same = without_actuators(effects) == without_actuators(reuse.effects)
-    return reuse.output if same and np.array_equal(drive.acting, reuse.drive.acting) else None
 
 
 def _test_functions_of(
@@ -827,4 +870,11 @@ _OUTPUTS_OF_BLOCK = {
     "moment": ("moment_x_Nm", "moment_y_Nm", "moment_z_Nm", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"),
     "acc": ("mass_kg", "acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"),
     "range": ("range_m",),
+    "drive": (),
 }
+
+
+def _outputs_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Return what of the model's output channels rest on."""
+    blocks = dict.fromkeys(block_of(name) for name in names)
+    return tuple(dict.fromkeys(o for block in blocks for o in _OUTPUTS_OF_BLOCK[block]))

@@ -565,13 +565,18 @@ def flight_rows(
     columns : of the design.
     length_s : support of the test functions.
     computed_columns : columns to reuse, nuisances by key and others by recipe.
-    like : rows of the same flight, whose instruments are reused: they hardly change with effects.
+    like : rows of the same flight, whose windows and instruments are reused. Instruments hardly
+        change with effects.
 
     Notes
     -----
     A column is minus the residual's change per unit of its coefficient.
     """
-    windows = make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
+    windows = (
+        like.windows
+        if like
+        else make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
+    )
     air = windows.within(flight.flying)
     driven = np.array([block_of(name) == "drive" for name in names])
     here = tuple(
@@ -603,7 +608,7 @@ def flight_rows(
     # what is constant in a moment, or goes with this thrust, is a trim
     keys = [c.key for c in columns]
     thrust = model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1)
-    subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
+    x = subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
         instruments = like.instruments if like else None
     else:

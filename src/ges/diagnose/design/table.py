@@ -19,12 +19,16 @@ class ColumnTable:
     ----------
     shape : (m, C, K).
     at : by channel, (k,) numbers of the columns that act there, ascending.
-    values : by channel, (m, k) those columns.
+    values : by channel, those k columns, (m,) each.
+
+    Notes
+    -----
+    Tables of the same flight share the columns that they have in common.
     """
 
     shape: tuple[int, int, int]
     at: tuple[np.ndarray, ...]
-    values: tuple[np.ndarray, ...]
+    values: tuple[tuple[np.ndarray, ...], ...]
 
     def of(self, channel: int, wanted: Indices) -> np.ndarray:
         """Return some columns of one channel.
@@ -38,7 +42,20 @@ class ColumnTable:
         -------
         (m, w), zero for columns that do not act there.
         """
-        return pick_columns(self.values[channel], self.at[channel], wanted)
+        return pick_columns(self.values[channel], self.at[channel], wanted, self.shape[0])
+
+    def all_of(self, channel: int) -> np.ndarray:
+        """Return all columns that act on a channel.
+
+        Parameters
+        ----------
+        channel : its number.
+
+        Returns
+        -------
+        (m, k), in the order of :attr:`at`.
+        """
+        return self.of(channel, self.at[channel])
 
     def finite(self) -> np.ndarray:
         """Return where every column that acts on a channel is finite.
@@ -47,7 +64,10 @@ class ColumnTable:
         -------
         (m, C).
         """
-        return np.stack([np.isfinite(v).all(axis=1) for v in self.values], axis=1)
+        rows = np.ones(self.shape[0], dtype=bool)
+        return np.stack(
+            [np.logical_and.reduce([rows, *map(np.isfinite, v)]) for v in self.values], axis=1
+        )
 
     def column(self, column: int) -> dict[int, np.ndarray]:
         """Return one column.
@@ -61,7 +81,7 @@ class ColumnTable:
         By channel that it acts on, (m,).
         """
         places = ((c, np.flatnonzero(at == column)) for c, at in enumerate(self.at))
-        return {c: self.values[c][:, place[0]] for c, place in places if len(place)}
+        return {c: self.values[c][place[0]] for c, place in places if len(place)}
 
     def weighted_sum(self, terms: Mapping[int, float], count: int) -> np.ndarray:
         """Return a linear combination of columns.
@@ -88,30 +108,29 @@ def table_of(columns: Sequence[Mapping[int, np.ndarray]], rows: int, channels: i
     rows, channels : m and C.
     """
     at = [[k for k, column in enumerate(columns) if c in column] for c in range(channels)]
-    values = (
-        np.stack([columns[k][c] for k in ks], axis=1) if ks else np.zeros((rows, 0))
-        for c, ks in enumerate(at)
-    )
     return ColumnTable(
-        (rows, channels, len(columns)), tuple(np.array(ks, dtype=int) for ks in at), tuple(values)
+        (rows, channels, len(columns)),
+        tuple(np.array(ks, dtype=int) for ks in at),
+        tuple(tuple(columns[k][c] for k in ks) for c, ks in enumerate(at)),
     )
 
 
-def pick_columns(values: np.ndarray, at: np.ndarray, wanted: Indices) -> np.ndarray:
+def pick_columns(
+    values: Sequence[np.ndarray], at: np.ndarray, wanted: Indices, rows: int
+) -> np.ndarray:
     """Pick columns from those that are stored.
 
     Parameters
     ----------
-    values : (m, k) stored columns.
+    values : k stored columns, (m,) each.
     at : (k,) their numbers, ascending.
     wanted : w numbers.
+    rows : m.
 
     Returns
     -------
     (m, w), zero where a column is not stored.
     """
-    numbers = np.asarray(wanted, dtype=int)
-    if not len(at):
-        return np.zeros((len(values), len(numbers)))
-    place = np.minimum(np.searchsorted(at, numbers), len(at) - 1)
-    return values[:, place] * (at[place] == numbers)
+    stored, absent = dict(zip(at.tolist(), values, strict=True)), np.zeros(rows)
+    picked = [stored.get(k, absent) for k in np.asarray(wanted, dtype=int).tolist()]
+    return np.stack(picked).T if picked else np.zeros((rows, 0))

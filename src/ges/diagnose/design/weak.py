@@ -199,9 +199,10 @@ def make_windows(
     centers = np.arange(half, len(t_s) - half, half)
     centers = centers[all_allowed(flying, centers - half, centers + half + 1)]
     phi, slope = bump(half, step_s)
-    # all rows have the same weights, each at its centre: a band matrix in compressed rows
-    columns = (centers[:, None] + np.arange(-half, half + 1)).ravel()
-    starts = np.arange(len(centers) + 1) * (2 * half + 1)
+    # all rows have the same weights, each at its centre: a band matrix in compressed rows, whose
+    # places all functions share
+    columns = (centers[:, None] + np.arange(-half, half + 1)).ravel().astype(np.int32)
+    starts = (np.arange(len(centers) + 1) * (2 * half + 1)).astype(np.int32)
 
     def spread(weights: np.ndarray) -> csr_array:
         return csr_array(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from statistics import median_low
 from types import MappingProxyType
 
@@ -14,7 +14,9 @@ from scipy.linalg import toeplitz
 from scipy.sparse import csr_array
 
 from ges.diagnose.design.system import FlightRows, System
+from ges.diagnose.design.table import Indices, pick_columns
 from ges.diagnose.settings import settings
+from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +41,33 @@ class NoiseModel:
 
 
 @dataclasses.dataclass(frozen=True)
+class FeedbackErrors:
+    """Columns of one kind in one channel that feedback may have made follow the disturbances.
+
+    Attributes
+    ----------
+    unfiltered : those j columns before they are whitened, (m,) each.
+    bound : (j,) of :func:`_error_bounds`.
+    disturbance : of the channel, see :class:`NoiseModel`.
+    """
+
+    unfiltered: tuple[np.ndarray, ...]
+    bound: np.ndarray
+    disturbance: float
+
+    def errors(self, innovation: csr_array) -> np.ndarray:
+        """Return whitened errors of unit prior sd, (n, j).
+
+        Parameters
+        ----------
+        innovation : (n, m) what whitens the channel.
+        """
+        # (5) of docs/method.md: the correlation in sds of the noise, times the bound
+        errors = innovation @ np.column_stack(self.unfiltered)
+        return errors * settings.noise.feedback_correlation_sd * self.bound * self.disturbance
+
+
+@dataclasses.dataclass(frozen=True)
 class WhitePart:
     """One channel of a whitened flight.
 
@@ -47,29 +76,67 @@ class WhitePart:
     at : (n,) usable rows.
     columns : (k,) numbers of the columns that act there.
     y : (n,) residuals.
-    x : (n, k) columns.
-    feedback_errors : (n, j) columns of unit prior sd: errors that feedback may have caused.
+    unfiltered : those k columns before they are whitened, (m,) each.
+    innovation : returns what whitens them, (n, m).
+    drive_errors : (n, d) model errors of a drive, of unit prior sd.
+    by_feedback : errors that feedback may have caused.
+
+    Notes
+    -----
+    Whitened columns and errors are made where they are asked for: those of all candidates are many
+    times as large as a long flight.
     """
 
     at: np.ndarray
     columns: np.ndarray
     y: np.ndarray
-    x: np.ndarray
-    feedback_errors: np.ndarray
+    unfiltered: tuple[np.ndarray, ...]
+    innovation: Callable[[], csr_array]
+    drive_errors: np.ndarray
+    by_feedback: tuple[FeedbackErrors, ...] = ()
 
-    @functools.cached_property
-    def products(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Columns with columns (k, k), columns with residuals (k,), residuals with residuals."""
-        return self.x.T @ self.x, self.x.T @ self.y, float(self.y @ self.y)
+    @property
+    def feedback_errors(self) -> np.ndarray:
+        """Columns of unit prior sd, (n, j): model errors of a drive, and those by feedback."""
+        if not self.by_feedback:
+            return self.drive_errors
+        innovation = self.innovation()
+        return np.hstack([self.drive_errors, *(e.errors(innovation) for e in self.by_feedback)])
 
-    def with_feedback_errors(self, errors: np.ndarray) -> WhitePart:
-        """Return a copy with more columns of errors that feedback may have caused.
+    def of(self, wanted: Indices) -> np.ndarray:
+        """Return some whitened columns.
 
         Parameters
         ----------
-        errors : (n, j).
+        wanted : numbers of w columns.
+
+        Returns
+        -------
+        (n, w), zero for columns that do not act there.
         """
-        return dataclasses.replace(self, feedback_errors=np.hstack([self.feedback_errors, errors]))
+        innovation = self.innovation()
+        return innovation @ pick_columns(self.unfiltered, self.columns, wanted, innovation.shape[1])
+
+    @functools.cached_property
+    def products(
+        self,
+    ) -> tuple[tuple[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Products of all columns that act there with residuals, and with feedback errors.
+
+        Columns with columns (k, k), columns with residuals (k,), residuals with residuals; errors
+        with errors (j, j), columns with errors (k, j), errors with residuals (j,).
+        """
+        x, y, errors = self.of(self.columns), self.y, self.feedback_errors
+        return (x.T @ x, x.T @ y, float(y @ y)), (errors.T @ errors, x.T @ errors, errors.T @ y)
+
+    def with_feedback_errors(self, errors: FeedbackErrors) -> WhitePart:
+        """Return a copy with more errors that feedback may have caused.
+
+        Parameters
+        ----------
+        errors : to add.
+        """
+        return dataclasses.replace(self, by_feedback=(*self.by_feedback, errors))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,7 +298,7 @@ def estimate_noise(
     return NoiseModel(
         *(
             np.array(values)
-            for values in zip(*map(of_channel, range(len(system.names))), strict=True)
+            for values in zip(*each(of_channel, range(len(system.names))), strict=True)
         )
     )
 
@@ -317,56 +384,54 @@ def whiten(
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_prediction_filter(ar) if short else _full_filter(ar)[None] for ar in noise.ar]
-    whitened = [
-        _whiten_flight(rows, noise, filters, u) for rows, u in zip(flights, covariate, strict=True)
-    ]
+    whitened = each(lambda rows, u: _whiten_flight(rows, noise, filters, u), flights, covariate)
     # one kind of response has one cause over all flights and channels, so they are bounded
     # together; the disturbance is larger than the noise by all that chosen effects explain
-    for kind in dict.fromkeys(kind for _, endogenous in whitened for kind, _ in endogenous):
-        of_kind = [
-            {c: part for (k, c), part in endogenous.items() if k == kind}
-            for _, endogenous in whitened
-        ]
-        for (parts, _), errors in zip(whitened, _error_bounds(of_kind), strict=True):
-            parts.update(
-                {
-                    c: parts[c].with_feedback_errors(error * noise.disturbance[c])
-                    for c, error in errors.items()
-                }
-            )
+    for kind in dict.fromkeys(kind for _, power in whitened for kind, _ in power):
+        of_kind = [{c: p for (k, c), p in power.items() if k == kind} for _, power in whitened]
+        for rows, (parts, _), bounds in zip(flights, whitened, _error_bounds(of_kind), strict=True):
+            for c, bound in bounds.items():
+                columns = tuple(rows.endogenous[kind, c].values())
+                errors = FeedbackErrors(columns, bound, noise.disturbance[c])
+                parts[c] = parts[c].with_feedback_errors(errors)
     return tuple(
         White(tuple(parts.values()), rows.x.shape[2])
         for rows, (parts, _) in zip(flights, whitened, strict=True)
     )
 
 
-def _error_bounds(endogenous: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
-    """Return endogenous parts of one kind, by flight and channel, as errors of unit prior sd.
+def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
+    """Return how large errors are by endogenous parts of one kind, in those times the correlation.
 
+    Parameters
+    ----------
+    power : mean squares of the whitened parts by flight and channel, (j,).
+
+    Returns
+    -------
+    By flight and channel, (j,).
+
+    Notes
+    -----
     Feedback makes a column follow the disturbances. Its coefficient then errs by up to their
     correlation over the column's size in noise. The error has the same cause in every flight and
     channel. So those that share the column's power count as one.
     """
-    power = [{c: (p**2).mean(axis=0) for c, p in parts.items()} for parts in endogenous]
     every = [p for of_flight in power for p in of_flight.values()]
-    sd = settings.noise.feedback_correlation_sd
     # participation ratio: among how many flights and channels the column's power is shared
     alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
     # (5) of docs/method.md: root mean square rho in sds of the noise, times the root of that number
     return [
-        {
-            c: part * sd * np.sqrt(alike / np.maximum(of_flight[c], settings.numerics.tiny))
-            for c, part in parts.items()
-        }
-        for parts, of_flight in zip(endogenous, power, strict=True)
+        {c: np.sqrt(alike / np.maximum(p, settings.numerics.tiny)) for c, p in of_flight.items()}
+        for of_flight in power
     ]
 
 
 def _whiten_flight(
     rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
 ) -> tuple[dict[int, WhitePart], dict[tuple[str, int], np.ndarray]]:
-    """Return whitened parts by channel, and whitened endogenous parts by kind and channel."""
-    run, parts, endogenous = _run(rows.follows), {}, {}
+    """Return whitened parts by channel, and mean squares of endogenous ones by kind and channel."""
+    run, parts, power = _run(rows.follows), {}, {}
     # replays settle from a start that they guess
     later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
     opening = later & ~rows.air
@@ -379,7 +444,8 @@ def _whiten_flight(
             continue
         # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
         sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * covariate[at] ** 2)
-        innovation = _innovation(at, past[at], len(rows.y), weights, sd)
+        filtering = functools.partial(_innovation, at, past[at], len(rows.y), weights, sd)
+        innovation = filtering()
         drive_errors = (
             (innovation @ rows.drive_error[c])[:, None]
             if c in rows.drive_error
@@ -387,12 +453,18 @@ def _whiten_flight(
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
         parts[c] = WhitePart(
-            at, rows.x.at[c], innovation @ rows.y[:, c], innovation @ rows.x.values[c], drive_errors
+            at,
+            rows.x.at[c],
+            innovation @ rows.y[:, c],
+            rows.x.values[c],
+            filtering,
+            drive_errors,
         )
         for (kind, channel), columns in rows.endogenous.items():
             if channel == c:
-                endogenous[kind, c] = innovation @ np.column_stack(list(columns.values()))
-    return parts, endogenous
+                whitened = innovation @ np.column_stack(list(columns.values()))
+                power[kind, c] = (whitened**2).mean(axis=0)
+    return parts, power
 
 
 def _full_filter(ar: np.ndarray) -> np.ndarray:

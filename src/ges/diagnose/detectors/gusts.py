@@ -34,6 +34,7 @@ HANGING = ("tether", "slung_load")
 """What the vehicle may have hanging."""
 GUSTS, WIND, AXES = "gusts", "wind", ("east_m_s", "north_m_s")
 STRENGTH = "wind_20ft_m_s"
+WIND_M_S = ("wind_x_m_s", "wind_y_m_s")
 PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})
 """Channels in which what slow gusts did in one flight may look predicted by its time or place."""
 
@@ -90,8 +91,9 @@ def wind_speed_m_s(system: System, name: str, values: Mapping[str, float]) -> fl
     for flight in system.recordings:
         samples = effect_table.Samples.from_columns(motion_of(flight, system.model, {}).columns)
         # asked of the compiled wind, so that any profile over height is met
-        output = effect_table.replay({}, samples, {name: values}, system.model.terrain)
-        wind = output.stack("wind_x_m_s", "wind_y_m_s")[flight.flying]
+        terrain = system.model.terrain
+        output = effect_table.replay({}, samples, {name: values}, terrain, wanted=WIND_M_S)
+        wind = output.stack(*WIND_M_S)[flight.flying]
         speeds.append(np.linalg.norm(wind, axis=1))
     return float(np.median(np.concatenate(speeds)))
 
@@ -340,7 +342,7 @@ def _unit_gust_winds(forces: _ForceWindows, model: Model, number: int) -> list[n
     # no two flights share a draw: their gusts are independent
     draws = settings.detect.gust_draws
     sets = [{"gusts": {STRENGTH: 1.0, "seed": float(draws * number + k)}} for k in range(draws)]
-    outputs = effect_table.replay_each(model.parameters, samples, sets, model.terrain)
-    return [
-        (forces.rows.windows.mean @ r.stack("wind_x_m_s", "wind_y_m_s"))[forces.at] for r in outputs
-    ]
+    outputs = effect_table.replay_each(
+        model.parameters, samples, sets, model.terrain, wanted=WIND_M_S
+    )
+    return [(forces.rows.windows.mean @ r.stack(*WIND_M_S))[forces.at] for r in outputs]

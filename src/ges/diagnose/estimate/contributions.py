@@ -16,6 +16,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.types.words import size_unit
 from ges.simulator import effects as effect_table
+from ges.threads import each
 
 
 def size_of_contribution(contribution: Sequence[np.ndarray], system: System) -> dict[str, Any]:
@@ -87,7 +88,9 @@ def contributions_of(
     bare = {k: v for k, v in effects.items() if k != name}
     bare |= {name: nominal.effects[name]} if name in nominal.effects else {}
     model = dataclasses.replace(system.model, effects=effects)
-    return [_contribution_of_flight(rows, bare, model, system.main) for rows in system.flights]
+    return each(
+        lambda rows: _contribution_of_flight(rows, bare, model, system.main), system.flights
+    )
 
 
 def _contribution_of_flight(

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
-from ges.diagnose.design.table import Indices, pick_columns
+from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
 from ges.diagnose.prepare.align import Prepared
@@ -34,6 +34,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
+from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,8 +117,8 @@ def joint_fit(
     kept = np.r_[chosen, common, varies]
     # priors are rows too; each flight reaches the shared unknowns and its own alone (an arrow)
     xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
-    for w, at in zip(regression.whites, places, strict=True):
-        gram = gram_of(w).take(kept)
+    for whole, at in zip(each(gram_of, regression.whites), places, strict=True):
+        gram = whole.take(kept)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
         yy += gram.yy
@@ -200,7 +201,7 @@ def _jackknife_sds(
     kept = np.array([*shared, *(k for k in varies if k not in shared)], dtype=int)
     at = np.array([int(np.flatnonzero(kept == k)[0]) for k in varies], dtype=int)
     blocks = regression.system.blocks(settings.statistics.block_s)
-    by_block = [_block_grams(w, kept, b) for w, b in zip(regression.whites, blocks, strict=True)]
+    by_block = each(lambda w, b: _block_grams(w, kept, b), regression.whites, blocks)
     whole = [sum(grams[1:], grams[0]) for grams in by_block]
     own = [marginalise_deviations(gram, at, flight_sd) for gram in whole]
     total = sum(own[1:], own[0])
@@ -226,8 +227,7 @@ def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram
         number.max(initial=-1) + 1
     )
     for part in white.parts:
-        x, y = whitened_against_feedback(part)
-        d = pick_columns(x, part.columns, kept)
+        d, y = whitened_against_feedback(part, kept)
         # rows come in order of time, so that a block is one run of them
         first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
         for a, b in itertools.pairwise([*first.tolist(), len(y)]):

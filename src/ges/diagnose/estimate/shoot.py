@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_speed
-from ges.diagnose.design.residual import replay_model
+from ges.diagnose.design.residual import flown_columns
 from ges.diagnose.design.system import window_length_s
 from ges.diagnose.design.weak import all_allowed
 from ges.diagnose.prepare.align import Prepared
@@ -79,7 +79,7 @@ def fly_rollouts(flight: Prepared, model: Model, n: int) -> Rollouts:
     model : that is flown.
     n : rows of a horizon.
     """
-    columns, _ = replay_model(flight, model, model.effects)
+    columns = flown_columns(flight, model, model.effects)
     width = settings.design.coarsest_s / flight.dt_s
     recorded = {
         name: gaussian_filter1d(flight.columns[name], width) for name in VELOCITY + POSITION

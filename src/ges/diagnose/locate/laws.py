@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ges.conventions import POSITION
-from ges.diagnose.design.residual import replay_model, without_actuators
+from ges.diagnose.design.residual import flown_columns, without_actuators
 from ges.diagnose.design.system import System
 from ges.diagnose.library.requirements import first_unmet
 from ges.diagnose.select.search import log_odds_against_one_of
@@ -145,13 +145,12 @@ def term_columns(terms: Sequence[Term], system: System, model: Model) -> list[np
     """
     columns = []
     for rows in system.flights:
-        state, _ = replay_model(rows.flight, model, model.effects)
+        state = flown_columns(rows.flight, model, model.effects)
         samples = effect_table.Samples.from_columns(state)
         effects = {k: v for k, v in without_actuators(model.effects).items() if k != LAW}
-        added = effect_table.evaluate_terms(
-            terms, model.parameters, samples, effects, model.terrain
-        )
-        columns.append(rows.windows.mean @ added)
+        # averaged one by one: terms are many, and samples more than windows
+        added = effect_table.each_term(terms, model.parameters, samples, effects, model.terrain)
+        columns.append(np.stack([rows.windows.mean @ term for term in added], axis=1))
     return columns
 
 

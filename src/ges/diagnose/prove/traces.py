@@ -147,7 +147,7 @@ def recorded_signals(
     no_effects = dataclasses.replace(model, effects={})
     # equation (1) of docs/method.md with the model's force and moment zero
     n_rotors, rows = model.n_rotors, replay_rows(model.n_rotors)
-    no_model_output = Replay(np.zeros((len(rows), len(flight.t_s))), n_rotors)
+    no_model_output = Replay(np.zeros((len(rows), len(flight.t_s))), n_rotors, tuple(rows))
     for name in ("mass_kg", "ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"):
         no_model_output.data[rows[name]] = model.number(name)
     still = np.zeros((len(flight.t_s), n_rotors))

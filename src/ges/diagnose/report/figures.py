@@ -18,6 +18,7 @@ from ges.diagnose.types.finding import json_values
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.words import channel_words, quantity_words, size_unit
 from ges.simulator import effects as effect_table
+from ges.threads import each
 
 if TYPE_CHECKING:
     from ges.diagnose.report.diagnosis import Diagnosis
@@ -33,10 +34,11 @@ def traces_of(diagnosis: Diagnosis) -> list[Trace]:
     workings = diagnosis.workings
     flights = {**workings.problem.fitted, **workings.problem.held_out}
     models = {stage: workings.models[stage] for stage in STAGES}
-    return [
-        trace(f, name, name in workings.problem.held_out, models, workings.length_s)
-        for name, f in sorted(flights.items())
-    ]
+    names = sorted(flights)
+    return each(
+        lambda n: trace(flights[n], n, n in workings.problem.held_out, models, workings.length_s),
+        names,
+    )
 
 
 def map_figure(cells: Sequence[Cell]) -> list[Figure]:

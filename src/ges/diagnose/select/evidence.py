@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ges.diagnose.design.system import DesignColumn, System, nuisance_of, variant_of
+from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import (
     NoiseModel,
     White,
@@ -23,6 +24,7 @@ from ges.diagnose.design.whiten import (
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
+from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,29 +125,30 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
 
 
 def _gram_of_part(part: WhitePart, tempering: float) -> Gram:
-    gram, errors = Gram(*part.products, float(len(part.at))).scale(tempering), part.feedback_errors
-    if not errors.shape[1]:
+    of_rows, of_errors = part.products
+    gram = Gram(*of_rows, float(len(part.at))).scale(tempering)
+    if not len(of_errors[0]):
         return gram
-    inner, cross, right = errors.T @ errors, part.x.T @ errors, errors.T @ part.y
-    return _marginalise_copies(gram, tempering * inner, tempering * cross, tempering * right)
+    return _marginalise_copies(gram, *(tempering * product for product in of_errors))
 
 
-def whitened_against_feedback(part: WhitePart) -> tuple[np.ndarray, np.ndarray]:
+def whitened_against_feedback(part: WhitePart, wanted: Indices) -> tuple[np.ndarray, np.ndarray]:
     """Return rows whose products are those of :func:`gram_of`.
 
     Parameters
     ----------
     part : one channel of a whitened flight.
+    wanted : numbers of w columns.
 
     Returns
     -------
-    Columns (n, k) and residuals (n,), shrunk along the feedback errors.
+    Columns (n, w) and residuals (n,), shrunk along the feedback errors.
     """
     # (1 + A A^T)^(-1/2) for the feedback errors A: 1 / sqrt(1 + s^2) along each left singular
     # vector
     u, size, _ = np.linalg.svd(part.feedback_errors, full_matrices=False)
-    removed = u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
-    return part.x - removed @ (u.T @ part.x), part.y - removed @ (u.T @ part.y)
+    x, removed = part.of(wanted), u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+    return x - removed @ (u.T @ x), part.y - removed @ (u.T @ part.y)
 
 
 def _marginalise_copies(
@@ -182,7 +185,7 @@ def flight_grams(
         dtype=int,
     )
     sd = np.array([nuisance_of(columns[k]).flight_sd for k in varies])
-    return [marginalise_deviations(gram_of(w, tempering), varies, sd) for w in whites]
+    return each(lambda w: marginalise_deviations(gram_of(w, tempering), varies, sd), whites)
 
 
 def marginalise_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gram:
@@ -415,7 +418,7 @@ def rms_of(system: System) -> np.ndarray:
         there = np.isfinite(r.y[:, : len(count)])
         count += there.sum(axis=0)
         for c in range(len(count)):
-            square[c, r.x.at[c]] += (r.x.values[c][there[:, c]] ** 2).sum(axis=0)
+            square[c, r.x.at[c]] += (r.x.all_of(c)[there[:, c]] ** 2).sum(axis=0)
     return np.sqrt(square / np.maximum(count, 1.0)[:, None])
 
 
