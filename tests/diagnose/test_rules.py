@@ -266,3 +266,13 @@ def test_what_cannot_act_alone_is_no_rival_by_itself(monkeypatch):
         assert context.alike("rotor_tilt") == ()
     alone, beside = ({e.name for e in rivals} for rivals in seen)
     assert "wind" not in alone and "wind" in beside and "wall_effect" in alone
+
+
+def test_a_vehicle_of_unknown_attitude_may_lean_by_anything():
+    """A roll of 0.2 rad puts its sine of the weight across the thrust axis."""
+    leaning = hovering(q_w=np.cos(0.1), q_x=np.sin(0.1))
+    level, rolled, unknown = (
+        rules._lean(SimpleNamespace(recordings=[f]))
+        for f in (hovering(), leaning, hovering(q_w=None, q_x=None, q_y=None, q_z=None))
+    )
+    assert level == 0.0 and rolled == pytest.approx(np.sin(0.2)) and unknown == np.inf

@@ -104,7 +104,12 @@ class RuleContext:
 
 
 def _lean(system: System) -> float:
-    """Return the rms share of the weight that lies across the thrust axis, as the vehicle leans."""
+    """Return the rms share of the weight that lies across the thrust axis, as the vehicle leans.
+
+    Infinite where no attitude is known: it may lean by anything.
+    """
+    if any(q not in f.columns for f in system.recordings for q in QUATERNION):
+        return np.inf
     # third diagonal entry of the rotation: cosine of the angle between thrust axis and vertical
     x, y = (
         np.concatenate([f.columns[q][f.flying] for f in system.recordings]) for q in QUATERNION[1:3]
