@@ -458,6 +458,13 @@ def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
         for name, fitted in attempts.items()
         if fitted is not None and differs_from_neutral(fitted, name)
     }
+    if len(shown) < len(accepted.rivals):
+        # beside what cannot be tested nothing is open that would not be named without it
+        decisions = {name: significant(fitted, name) for name, fitted in fits.items()}
+        for name, decision in decisions.items():
+            record.note(name, decision)
+        if not any(d.passed for d in decisions.values()):
+            return dataclasses.replace(accepted, rivals=(), contested=frozenset())
     idle = set(attempts) - set(fits) if len(fits) > 1 else set()
     for name in attempts:
         because = "does nothing once it is fitted" if name in idle else "one of these is needed"
