@@ -91,9 +91,10 @@ def test_the_joint_fit_is_least_squares_with_priors_over_all_rows():
     assert joint.common == pytest.approx(
         {"inertia.xx": beta[1], "weak_rotor.loss_1": beta[2]}, rel=1e-6
     )
-    assert joint.common_sd == pytest.approx(
-        {"inertia.xx": inverse[1, 1] ** 0.5, "weak_rotor.loss_1": inverse[2, 2] ** 0.5}
-    )
+    # no less than that by rows, and of noise without blocks not much more
+    rows_sd = {"inertia.xx": inverse[1, 1] ** 0.5, "weak_rotor.loss_1": inverse[2, 2] ** 0.5}
+    for key, sd in rows_sd.items():
+        assert sd <= joint.common_sd[key] * (1.0 + 1e-9) and joint.common_sd[key] < 2.0 * sd
     assert [f["weak_rotor.loss_1"] for f in joint.by_flight] == pytest.approx(list(beta[3:]))
     assert joint.cost == pytest.approx(cost)
 
@@ -160,7 +161,8 @@ def test_intervals_are_wider_where_blocks_of_time_scatter_more_than_rows():
         joint = joint_fit(whiten_system(system, white), [0])
         factors.append(math.sqrt(joint.covariance[0, 0] / joint.row_covariance[0, 0]))
         assert (joint.covariance >= joint.row_covariance).all()
-    assert factors[0] < 1.3 and factors[1] > 2.5
+    # a third wider than by rows, as of so few blocks Student's t is
+    assert factors[0] < 1.6 and factors[1] > 2.5
 
 
 def test_what_hangs_on_one_block_of_time_is_not_known():

@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from scipy.special import ndtr, stdtrit
 
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
 from ges.diagnose.design.table import Indices
@@ -183,6 +184,7 @@ def _jackknife_sds(
     """Return sds of shared coefficients over fits that leave out a block of time each.
 
     Rows of a block depend on each other, and a coefficient that hangs on one block is not known.
+    Sds are those of a Gaussian that is as wide as Student's t of one degree fewer than blocks.
 
     Parameters
     ----------
@@ -216,8 +218,13 @@ def _jackknife_sds(
     # coefficients differ by many orders in their units
     unit = 1.0 / np.sqrt(np.diagonal(xx[0]))
     beta = unit * np.linalg.solve(xx * np.outer(unit, unit), (xy * unit)[..., None])[..., 0]
-    count = len(rests) - 1
-    return np.sqrt((count - 1) / max(count, 1) * np.square(beta[1:] - beta[0]).sum(axis=0))
+    freedom = len(rests) - 2
+    if freedom < 1:
+        return np.zeros(n)
+    sds = np.sqrt(freedom / (freedom + 1) * np.square(beta[1:] - beta[0]).sum(axis=0))
+    # few blocks know their own scatter badly: a clear deviation is as rare as Student's t has it
+    clear = settings.statistics.clear_sds
+    return sds * stdtrit(freedom, ndtr(clear)) / clear
 
 
 def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram]:
