@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.special import ndtr, stdtrit
 
+from ges.conventions import SDS_95
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
 from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
@@ -133,14 +134,13 @@ def joint_fit(
         room[i] = correction_bounds(nuisances[k].key, regression.system.model)
     if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
         beta = _bounded_solution(xx, xy, unit, room)
-    # sds alone are widened, never narrowed: correlations stay those of the rows
-    shared = start[2]
-    row_sds = np.sqrt(np.diag(inverse)[:shared])
-    sds = np.maximum(
-        row_sds, _jackknife_sds(regression, kept[:shared], mean[:shared], precision[:shared])
-    )
-    row_covariance, factor = inverse[: sizes[0], : sizes[0]], (sds / row_sds)[: sizes[0]]
-    covariance = row_covariance * np.outer(factor, factor)
+    shared, row_covariance = start[2], inverse[: sizes[0], : sizes[0]]
+    covariance = row_covariance
+    if sizes[0]:
+        sds = _jackknife_sds(regression, kept[:shared], mean[:shared], precision[:shared])
+        # sds alone are widened, never narrowed: correlations stay those of the rows
+        factor = np.maximum(1.0, sds[: sizes[0]] / np.sqrt(np.diag(row_covariance)))
+        covariance = row_covariance * np.outer(factor, factor)
     flight_names = [nuisances[k].key for k in varies]
     return JointFit(
         beta[: sizes[0]],
@@ -149,7 +149,7 @@ def joint_fit(
         # |y - x beta|^2 and the priors' share, also where a bound holds beta off the optimum
         yy - float((2.0 * xy - xx @ beta) @ beta),
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
-        dict(zip(names, sds[start[1] :], strict=True)),
+        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : shared]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
     )
 
@@ -184,7 +184,7 @@ def _jackknife_sds(
     """Return sds of shared coefficients over fits that leave out a block of time each.
 
     Rows of a block depend on each other, and a coefficient that hangs on one block is not known.
-    Sds are those of a Gaussian that is as wide as Student's t of one degree fewer than blocks.
+    Sds are those of a Gaussian whose 95 % interval is that of Student's t.
 
     Parameters
     ----------
@@ -222,9 +222,8 @@ def _jackknife_sds(
     if freedom < 1:
         return np.zeros(n)
     sds = np.sqrt(freedom / (freedom + 1) * np.square(beta[1:] - beta[0]).sum(axis=0))
-    # few blocks know their own scatter badly: a clear deviation is as rare as Student's t has it
-    clear = settings.statistics.clear_sds
-    return sds * stdtrit(freedom, ndtr(clear)) / clear
+    # few blocks know their own scatter badly: 95 % intervals are those of Student's t
+    return sds * stdtrit(freedom, ndtr(SDS_95)) / SDS_95
 
 
 def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram]:
