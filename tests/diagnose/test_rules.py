@@ -14,7 +14,6 @@ from ges.diagnose.decide.rules import (
     distinguishable,
     has_its_prerequisite,
     probable,
-    replaced_names,
     rivals_nearly_as_good,
     significant,
 )
@@ -24,7 +23,6 @@ from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import DecisionLog
-from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
 from .synthetic import MODEL, hovering, nuisance
@@ -99,20 +97,6 @@ def test_a_set_that_adds_no_other_name_is_no_rival():
     weighed = _weighed(found, ("rotor_drag",))
     assert rivals_nearly_as_good(found, "rotor_drag") == ()
     assert distinguishable(weighed, "rotor_drag").passed
-
-
-def test_of_a_family_the_better_alone_takes_over_what_both_do():
-    found = _search(
-        {
-            ("fountain_lift", "ground_effect"): 60.0,
-            ("ground_effect",): 50.0,
-            ("fountain_lift",): 30.0,
-        }
-    )
-    both = ("fountain_lift", "ground_effect")
-    assert replaced_names(found, "ground_effect", both) == set(both)
-    assert replaced_names(found, "fountain_lift", both) == set()
-    assert replaced_names(found, "ground_effect", ("ground_effect",)) == set(both)
 
 
 @pytest.mark.parametrize(("behind", "replaced"), [(1.0, ("parasitic_drag", "wind")), (3.0, ())])
@@ -217,12 +201,16 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
 def test_what_makes_less_than_no_model_is_right_to_does_not_matter():
     def matters(name, channel, share):
         size = {"channel": channel, "share_of_weight": share}
-        return practically_significant(name, size, Model({}), DecisionLog())
+        return practically_significant(name, size, MODEL, DecisionLog())
 
     least = settings.decide.least_force_share
     assert matters("ground_effect", "force_z", least)
     assert not matters("ground_effect", "force_z", 0.9 * least)
     assert not matters("ground_effect", "", 1.0)
+    # of a range a threshold is a height, and the whole a rotor's radius
+    share = settings.prepare.height_error_m / MODEL.radius_m
+    assert matters("rangefinder_bias", "range", share)
+    assert not matters("rangefinder_bias", "range", 0.9 * share)
 
 
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):

@@ -26,7 +26,7 @@ from ges.diagnose.locate.laws import (
     sparse_form,
     term_columns,
 )
-from ges.diagnose.locate.regimes import least_rms
+from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import make_regression, whiten_system
@@ -177,7 +177,7 @@ def _matters(term: Term, fitted: Fitted) -> bool:
         )
     )
     size = abs(fitted.effects[LAW][term.key]) * rms
-    return size >= least_rms(block_of(term.channel), system.model.reference_scale(term.channel))
+    return size >= least_rms_in(term.channel, system.model)
 
 
 def _overdone(

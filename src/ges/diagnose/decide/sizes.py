@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.locate.regimes import least_rms
-from ges.diagnose.types.model import block_of
+from ges.diagnose.locate.regimes import least_rms_in
 
 
 def least_sizes(system: System) -> np.ndarray:
@@ -20,6 +19,4 @@ def least_sizes(system: System) -> np.ndarray:
     -------
     (C,), rms over all windows, in the channels' units.
     """
-    return np.array(
-        [least_rms(block_of(name), system.model.reference_scale(name)) for name in system.main]
-    )
+    return np.array([least_rms_in(name, system.model) for name in system.main])

@@ -23,11 +23,11 @@ from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, loa
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions
 from ges.diagnose.estimate.fit import fitted_model
-from ges.diagnose.locate.regimes import least_rms
+from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Stage, Start, make_stage
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, DecisionLog
-from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.types.model import Model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,7 +194,7 @@ def practically_significant(name: str, size: Mapping, model: Model, record: Deci
     record : gets the decision.
     """
     channel, share = size["channel"], size["share_of_weight"]
-    least = least_rms(block_of(channel), 1.0) if channel else None
+    least = least_rms_in(channel, model) / model.reference_scale(channel) if channel else None
     passed = bool(channel) and share >= least
     because = f"{100.0 * share:.2g} % of the whole in {channel}" if channel else "shows nowhere"
     record.note(name, Decision("practically_significant", passed, because, share, least))

@@ -17,7 +17,7 @@ from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 
 PUSHING = ("force", "acc", "moment")
 """Kinds of channels in which the size of what is left may be reported."""
@@ -139,6 +139,21 @@ def least_rms(block: str, whole: float) -> float:
     return shares.get(block, np.inf) * whole
 
 
+def least_rms_in(channel: str, model: Model) -> float:
+    """Return the practical significance threshold of a channel.
+
+    Parameters
+    ----------
+    channel : ``force_x``.
+    model : for the reference scale.
+
+    Returns
+    -------
+    Rms in the channel's unit, of :func:`least_rms`.
+    """
+    return least_rms(block_of(channel), model.reference_scale(channel))
+
+
 def clear_structures(
     structures: Sequence[Structure], model: Model, least_r2: float, margin: float = 1.0
 ) -> list[Structure]:
@@ -190,7 +205,7 @@ def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
     # all of a residual is compared where its size depends on a regime, and not a part of it alone
     if s.of_size:
         margin = settings.decide.form_margin if s.kind in PUSHING else np.inf
-    return max(margin * least_rms(s.kind, model.reference_scale(s.channel)), calibrated)
+    return max(margin * least_rms_in(s.channel, model), calibrated)
 
 
 def regime_cells(

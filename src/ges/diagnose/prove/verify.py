@@ -11,11 +11,11 @@ from ges.conventions import POSITION, QUANTILES_95, VELOCITY
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
-from ges.diagnose.locate.regimes import least_rms
+from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.types.model import Model
 
 STAGES = ("before", "recalibrated", "after")
 
@@ -162,7 +162,7 @@ def recalibration_warnings(channels: Mapping[str, Mapping], model: Model) -> lis
         " parameters can"
         for name, rms in channels.items()
         if math.sqrt(max(rms["recalibrated"] ** 2 - rms["before"] ** 2, 0.0))
-        > least_rms(block_of(name), model.reference_scale(name))
+        > least_rms_in(name, model)
     ]
 
 
