@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.diagnose.decide.accept import Accepted, without_names
+from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import contradicted_parameters, corrected_numbers
 from ges.diagnose.decide.rules import (
     RuleContext,
@@ -179,14 +179,11 @@ def test_an_effect_does_something_if_an_amplitude_is_beyond_its_sd(k_kg, acts):
     assert differs_from_neutral(fitted, "rotor_drag") == acts
 
 
-def test_withdrawn_is_the_search_with_nothing_accepted_of_it():
+def test_modelled_are_the_names_and_the_first_of_the_alternatives():
     found = _search({("wind",): (1.0, 1.0)})
     accepted = Accepted(
         ("wind",), found, "regression", "fit", {"wind": 1.0}, ("tether", "cg_offset")
     )
-    told = without_names(accepted)
-    assert (told.names, told.fitted, told.probability, told.rivals) == ((), None, {}, ())
-    assert told.result is found and told.regression == "regression"
     with_rival = dataclasses.replace(accepted, alternatives={"tether": 1, "cg_offset": 2})
     assert with_rival.modelled == ("wind", "tether")
 

@@ -493,36 +493,6 @@ def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
     return fit_along_rollouts(dataclasses.replace(accepted, fitted=full)).fitted
 
 
-def without_name(accepted: Accepted, name: str) -> Accepted:
-    """Drop a name and what acts through it alone, and fit the others again.
-
-    Parameters
-    ----------
-    accepted : names and fits.
-    name : to drop.
-    """
-    system = accepted.regression.system
-    rest = {*accepted.names, *system.model.effects} - {name}
-    names = tuple(n for n in accepted.names if n in rest and has_prerequisite(n, rest))
-    if not names:
-        return without_names(accepted)
-    fitted = accepted.fit
-    values, free = {n: fitted.effects[n] for n in names}, [f for f in fitted.free if f[0] in names]
-    fit_of_rest = polish(system, values, free)
-    probability = {n: accepted.probability[n] for n in names}
-    return dataclasses.replace(accepted, names=names, fitted=fit_of_rest, probability=probability)
-
-
-def without_names(accepted: Accepted) -> Accepted:
-    """Drop all names.
-
-    Parameters
-    ----------
-    accepted : names and fits.
-    """
-    return dataclasses.replace(accepted, names=(), fitted=None, probability={}, rivals=())
-
-
 def _hypothesis_of(
     result: SearchResult, names: Sequence[str], regression: Regression
 ) -> Hypothesis:

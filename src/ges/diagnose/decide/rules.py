@@ -17,6 +17,7 @@ from ges.conventions import QUATERNION
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
+from ges.diagnose.estimate.contributions import size_of_contribution
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.library.candidates import amplitude_of, family_of, has_prerequisite
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
@@ -85,13 +86,10 @@ class RuleContext:
         if not drags:
             return {}
         pushes = contribution_of(self.result.best.posterior, {name}, system)
-        scales = [system.model.reference_scale(n) for n in system.main]
-        shares = np.sqrt(np.mean(np.nan_to_num(pushes) ** 2, axis=0)) / scales
-        most = int(np.argmax(shares))
+        size = size_of_contribution([pushes], system)
         sideways = {f"{kind}_{n[-1]}" for kind in ("force", "acc") for n in SIDEWAYS}
-        if system.main[most] not in sideways or shares[most] > _lean(system):
-            return {}
-        return drags
+        may_be_drag = size["channel"] in sideways and size["share_of_weight"] <= _lean(system)
+        return drags if may_be_drag else {}
 
     def on(self) -> set[str]:
         """Return the passing names and the effects of the model.
@@ -173,7 +171,8 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
     name : to decide on.
     """
     rival, others = best_rival(context.result, name), rivals_nearly_as_good(context.result, name)
-    for drag, reason in context.untestable_rivals(name).items():
+    if untestable := context.untestable_rivals(name):
+        drag, reason = next(iter(untestable.items()))
         because = f"{drag} may do it, and cannot be tested here: it {reason}"
         return Decision("distinguishable", False, because)
     alike = next((a for a in context.alike(name) if a.name != name), None)
@@ -248,23 +247,6 @@ def apply_rules(
             record.note(name, decision)
         passing = tuple(name for name in passing if decisions[name].passed)
     return passing
-
-
-def replaced_names(result: SearchResult, name: str, among: Sequence[str]) -> set[str]:
-    """Return all names that act in a name's place, which it replaces.
-
-    Parameters
-    ----------
-    result : of the search.
-    name : of the effect.
-    among : names that compete.
-
-    Returns
-    -------
-    Empty where another of the family is better.
-    """
-    best = _best_of(result, name, among) == name
-    return family_of(name) & set(result.best.names) if best else set()
 
 
 def _best_of(result: SearchResult, name: str, among: Sequence[str]) -> str:
