@@ -19,6 +19,7 @@ from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT, SIMPLE, method_folder
 from ges.blind.score.judge import acceptable, category_of, kind_of
 from ges.blind.score.laws import law_scores, laws_of_sets
+from ges.blind.score.modelled import modelled_of_sets, modelled_scores
 from ges.blind.score.statistics import (
     calibration_error,
     proportion,
@@ -42,6 +43,9 @@ AIMS = {
     "right or acceptable, of what any method could tell": (">=", 0.90),
     "cause in no library: unknown": (">=", 0.90),
     "laws with the right terms": (">=", 0.80),
+    "share of the error that the truth removes, median": (">=", 0.90),
+    "sets that are modelled": (">=", 0.80),
+    "nulls that get no worse": (">=", 1.0),
 }
 LAST = Path(__file__).with_name("last_scores.json")
 
@@ -400,8 +404,8 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     ----------
     folder : of sealed and diagnosed sets.
     out : folder for ``worlds.csv`` (by method and world), ``rotors.csv``, ``sets.csv``,
-        ``power.csv``, ``skipped.csv``, ``reliability.csv``, ``laws.csv`` where a law is true,
-        ``power.pdf``, ``power.png`` and ``scores.json``.
+        ``power.csv``, ``skipped.csv``, ``reliability.csv``, ``modelled.csv``, ``laws.csv`` where
+        a law is true, ``power.pdf``, ``power.png`` and ``scores.json``.
     diagnosed : folder of the tool's verdicts.
 
     Returns
@@ -443,13 +447,16 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
         for m, outcomes in by_method.items()
         for name, values in scores(outcomes).items()
     ]
-    laws = laws_of_sets(folder, truths, _diagnoses(folder / diagnosed, names))
+    diagnoses = _diagnoses(folder / diagnosed, names)
+    modelled = modelled_of_sets(folder, truths, diagnoses)
+    laws = laws_of_sets(folder, truths, diagnoses)
+    write_csv(out / "modelled.csv", pd.DataFrame(modelled))
     if laws:
         write_csv(out / "laws.csv", pd.DataFrame(laws))
-        rows += [
-            score_row(name, values, AIMS.get(name)) | {"method": "ges"}
-            for name, values in law_scores(laws).items()
-        ]
+    rows += [
+        score_row(name, values, AIMS.get(name)) | {"method": "ges"}
+        for name, values in (modelled_scores(modelled) | law_scores(laws)).items()
+    ]
     report = {"schema": 1, "cases": len(names), "scores": rows}
     write_json(out / "scores.json", report)
     style.save(draw_power(powers), powers, out / "power.csv", out / "power.pdf", out / "power.png")

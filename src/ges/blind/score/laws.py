@@ -18,7 +18,7 @@ from ges.blind.score.statistics import proportion
 from ges.simulator import laws
 from ges.simulator.effects import Samples, evaluate_terms
 from ges.simulator.terrain import Terrain
-from ges.vehicle.file import Vehicle
+from ges.vehicle.file import Law, Vehicle
 from ges.vehicle.load import load_vehicle
 
 CLOSE = 0.05
@@ -74,6 +74,24 @@ def law_outcome(
         for key, coefficient in true.items()
     ]
     return LawOutcome(case, form, True, max(errors))
+
+
+def true_laws(true: Sequence[Mapping[str, Any]], vehicle: Vehicle) -> tuple[Law, ...]:
+    """Write sealed laws as a vehicle file holds them.
+
+    Parameters
+    ----------
+    true : channel, powers by quantity and ``coefficient_SI`` of each term.
+    vehicle : whose numbers are the references of groups.
+    """
+    texts = {group.quantity: text for text, group in laws.groups().items()}
+    terms: dict[str, dict[laws.Term, float]] = {}
+    for law in true:
+        powers = {texts[quantity]: power for quantity, power in law["powers"].items()}
+        term = laws.Term.of(law["channel"], laws.SCALES[0], powers)
+        coefficient = law["coefficient_SI"] / _in_SI(term, 1.0, law["powers"], vehicle)
+        terms.setdefault(law["channel"], {})[term] = coefficient
+    return tuple(Law(channel=c, form=laws.written(own)) for c, own in terms.items())
 
 
 def _powers(term: laws.Term) -> dict[str, int]:
