@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ges.diagnose.decide import rules
+from ges.diagnose.decide.explanation import practically_significant
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
@@ -17,7 +18,6 @@ from ges.diagnose.decide.rules import (
     rivals_nearly_as_good,
     significant,
 )
-from ges.diagnose.decide.withdraw import practically_significant
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity

@@ -8,7 +8,7 @@ from typing import Any
 
 from ges.diagnose.decide.contradicted import contradicted_parameters
 from ges.diagnose.decide.laws import FittedLaw, add_laws, rival_laws
-from ges.diagnose.decide.withdraw import (
+from ges.diagnose.decide.explanation import (
     explain_flights,
     refit_with_open_names,
     thrust_of,
@@ -105,7 +105,7 @@ def diagnose(
     shift = balance or (None if names else thrust_of(explanation, start.system))
     located = located_entries(start, explanation)
     explanation, unexplained = refit_with_open_names(
-        explanation, unexplained, start, nominal, record
+        explanation, unexplained, start, nominal, balance, record
     )
     named, rivals = explanation.last.model, {} if names else rival_laws(explanation)
     laws: list[FittedLaw] = []

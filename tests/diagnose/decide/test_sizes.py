@@ -1,12 +1,14 @@
 """What matters at least, what is declared and contradicted, and what is left unexplained."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import contradicted_parameters, corrected_numbers
+from ges.diagnose.decide.explanation import Explanation, without_idle_rivals
 from ges.diagnose.decide.rules import (
     RuleContext,
     apply_rules,
@@ -17,7 +19,6 @@ from ges.diagnose.decide.rules import (
 )
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.decide.unknown import unexplained_structures
-from ges.diagnose.decide.withdraw import Explanation, without_idle_rivals
 from ges.diagnose.estimate.fit import Fitted, JointFit
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior
@@ -179,13 +180,11 @@ def test_an_effect_does_something_if_an_amplitude_is_beyond_its_sd(k_kg, acts):
     assert differs_from_neutral(fitted, "rotor_drag") == acts
 
 
-def test_modelled_are_the_names_and_the_first_of_the_alternatives():
-    found = _search({("wind",): (1.0, 1.0)})
-    accepted = Accepted(
-        ("wind",), found, "regression", "fit", {"wind": 1.0}, ("tether", "cg_offset")
-    )
-    with_rival = dataclasses.replace(accepted, alternatives={"tether": 1, "cg_offset": 2})
-    assert with_rival.modelled == ("wind", "tether")
+def test_modelled_is_all_that_is_fitted_what_a_name_acts_through_too():
+    fitted = SimpleNamespace(effects={"rotor_drag": {}, "wind": {}})
+    accepted = Accepted((), None, None, fitted, {}, ("wind", "rotor_tilt"))
+    assert accepted.modelled == ("rotor_drag", "wind")
+    assert dataclasses.replace(accepted, fitted=None).modelled == ()
 
 
 @pytest.mark.parametrize(

@@ -100,12 +100,27 @@ def test_a_shift_whose_cause_is_open_is_told_towards_its_rotor():
         )
     ]
     shift = balance_shift(dataclasses.replace(system, flights=tuple(blind)))
-    assert shift is not None and shift.rotor == 3 and shift.gained > 9.0
-    assert "moved towards rotor 3" in shift.sentence() and "15 +-" in shift.sentence()
+    assert shift is not None and shift.loss.rotor == shift.mass.rotor == 3 and shift.gained > 9.0
+    assert "A rotor 3 that lost 15 +-" in shift.sentence() and "near rotor 3" in shift.sentence()
 
 
-def test_a_loss_that_yaw_tells_is_no_open_shift():
-    assert balance_shift(_system(0.15 * _columns()[2], noise=1e-6, sd=1e-5, flight_sd=1e-5)) is None
+def test_a_loss_that_yaw_tells_is_the_likelier_cause():
+    shift = balance_shift(_system(0.15 * _columns()[2], noise=1e-6, sd=1e-5, flight_sd=1e-5))
+    assert "more than 999:1 for the loss" in shift.sentence()
+    assert next(iter(shift.effects())) == "weak_rotor"
+    (finding,) = shift.findings()
+    assert finding.name == "weak_rotor" and finding.probability > 0.99 and not finding.is_open
+
+
+def test_a_mass_at_the_centre_is_found_there():
+    """No hub carries it: nothing but thrust is missing."""
+    kg, columns = 0.05, _columns()
+    shift = balance_shift(_system(-kg / MODEL.number("mass_kg") * columns[6]))
+    assert shift.mass.rotor == 0 and shift.mass.value == pytest.approx(kg, rel=0.02)
+    assert shift.effects()["thrust_scale"] == {
+        "thrust_scale": {"scale": pytest.approx(-kg / MODEL.number("mass_kg"), rel=0.02)}
+    }
+    assert "at the centre" in shift.sentence()
 
 
 @pytest.mark.parametrize(("model", "keys"), [(MODEL, GAINS), (CALIBRATED, GAINS[:-1])])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
@@ -89,8 +88,8 @@ class Accepted:
 
     @property
     def modelled(self) -> tuple[str, ...]:
-        """The names, and the first of the alternatives."""
-        return (*self.names, *itertools.islice(self.alternatives, 1))
+        """The names, and what the first of the alternatives adds."""
+        return tuple(self.fitted.effects) if self.fitted else ()
 
 
 def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = None) -> Accepted:
@@ -475,6 +474,25 @@ def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
         fitted=next(iter(fits.values()), accepted.fitted),
         alternatives=fits,
     )
+
+
+def fit_causes(accepted: Accepted, causes: Mapping[str, effect_table.Effects]) -> Accepted:
+    """Fit each of several causes in full, where no name is accepted.
+
+    Parameters
+    ----------
+    accepted : without names.
+    causes : starting values of the parameters that each changes, the most probable first.
+    """
+    system = accepted.regression.system
+    fits = {}
+    for name, changed in causes.items():
+        values = {
+            e: {**effect_table.get(e).neutral(), **system.model.effects.get(e, {}), **own}
+            for e, own in changed.items()
+        }
+        fits[name] = polish(system, values, [(e, p) for e, own in changed.items() for p in own])
+    return dataclasses.replace(accepted, fitted=next(iter(fits.values())), alternatives=fits)
 
 
 def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:

@@ -2,7 +2,7 @@
 
 A rule looks at one name among those that passed the rules before it. It decides whether the name
 goes on, and gives the reason. :data:`SEARCH_RULES` apply to a search, :func:`significant` to a full
-fit, and the rules of :mod:`~ges.diagnose.decide.withdraw` to its residuals.
+fit, and the rules of :mod:`~ges.diagnose.decide.explanation` to its residuals.
 """
 
 from __future__ import annotations

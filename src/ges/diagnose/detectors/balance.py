@@ -1,11 +1,11 @@
-"""Shift of the balance of thrust and moments beyond what healthy flights show, and at which rotor.
+"""Shift of the balance of thrust and moments beyond what healthy flights show, and where.
 
 A vehicle file from ``ges calibrate`` states how far the gain of every motor may be off in a later
 flight. A larger change has one number in each of four directions: thrust, roll, pitch, yaw. Two
 causes near one rotor change the controller's response almost alike: a rotor that lost thrust, and a
 mass at its hub. They differ in yaw alone. The search compares names one by one with nothing; here
-the two are compared with each other. So a change that is certain while its cause is not is reported
-as such.
+the two are compared with each other, and with a mass at the centre. So a change that is certain
+while its cause is not is reported as such.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ CHANNELS = ("force_z", "moment_x", "moment_y", "moment_z")
 LOSSES = rotor_columns("weak_rotor.loss_{}", MAX_ROTORS)
 MASS = ("cg_offset.x_m", "cg_offset.y_m", "thrust_scale.scale")
 CANT = "rotor_cant.angle_rad"
+_Changes = Mapping[str, Mapping[str, tuple[float, float]]]
 
 
 def losses_of(model: Model) -> tuple[str, ...]:
@@ -73,11 +74,11 @@ def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Cause:
-    """One cause near one rotor.
+    """One cause near one rotor, or at the centre.
 
     Attributes
     ----------
-    rotor : its number, from 1.
+    rotor : its number, from 1; 0 for the centre.
     value : loss (a share) or mass (kg).
     sd : its standard deviation.
     distance_explained : squared distance of the balance that it explains, in sd^2.
@@ -89,6 +90,11 @@ class Cause:
     distance_explained: float
 
     @property
+    def where(self) -> str:
+        """Its place in words."""
+        return f"near rotor {self.rotor}" if self.rotor else "at the centre"
+
+    @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval of the value."""
         return interval95(self.value, self.sd)
@@ -96,7 +102,7 @@ class Cause:
 
 @dataclasses.dataclass(frozen=True)
 class Shift:
-    """A shifted balance, with both causes at the rotor that explains it best.
+    """A shifted balance, with both causes, each where it explains most.
 
     Attributes
     ----------
@@ -114,11 +120,6 @@ class Shift:
     """Effects whose nominal parameters it can move: none."""
 
     @property
-    def rotor(self) -> int:
-        """Number of the rotor, from 1."""
-        return self.loss.rotor
-
-    @property
     def gained(self) -> float:
         """Squared distance that the better cause explains, in sd^2."""
         return max(self.loss.distance_explained, self.mass.distance_explained)
@@ -126,25 +127,30 @@ class Shift:
     def sentence(self) -> str:
         """Return what shifted, what would explain it, and how to find out."""
         away = self.gained**0.5
-        odds = np.exp(0.5 * abs(self.loss.distance_explained - self.mass.distance_explained))
+        lead = self.loss.distance_explained - self.mass.distance_explained
+        certain = settings.statistics.certain_probability
+        least = np.log(certain / (1.0 - certain))
+        odds = np.exp(min(0.5 * abs(lead), least))
+        odds_words = ("" if 0.5 * abs(lead) < least else "more than ") + f"{odds:.0f}:1"
+        likelier = "the loss" if lead > 0.0 else "the mass"
         loss_words = f"{100 * self.loss.value:.0f} +- {100 * SDS_95 * self.loss.sd:.0f} %"
         mass_words = f"{1e3 * self.mass.value:.2f} +- {1e3 * SDS_95 * self.mass.sd:.2f} g"
-        i = self.rotor
+        i = self.loss.rotor
         return (
-            f"Since the calibration the balance of thrust and moments has moved towards rotor {i},"
+            "Since the calibration the balance of thrust and moments has moved,"
             f" {away:.1f} sd beyond what healthy flights do among themselves. A rotor {i} that lost"
-            f" {loss_words} of its thrust or {mass_words} near rotor {i} (fixed or hanging) would"
-            f" do it; the two differ in yaw alone, too little here (odds {odds:.0f}:1). Weigh the"
-            f" vehicle, or fly the same with a new propeller {i}: the shift then goes if the"
-            " propeller was the cause, and stays if a mass is."
+            f" {loss_words} of its thrust or {mass_words} {self.mass.where} (fixed or hanging)"
+            f" would do it, with odds {odds_words} for {likelier}. Weigh the vehicle, or fly the"
+            f" same with a new propeller {i}: the shift then goes if the propeller was the cause,"
+            " and stays if a mass is."
         )
 
     def next_flight(self) -> dict:
         """Return ``next_flight`` of diagnosis.json: the expected evidence of a healthy balance."""
         return {
             "manoeuvre": "hover",
-            "preparation": f"a new propeller on rotor {self.rotor}",
-            "separates": ["weak_rotor", "cg_offset+thrust_scale"],
+            "preparation": f"a new propeller on rotor {self.loss.rotor}",
+            "separates": ["+".join(changes) for changes in self._changes()],
             "stays_open": [],
             "expected_log_odds": 0.5 * self.gained,
             "so_far_log_odds": 0.5
@@ -159,10 +165,45 @@ class Shift:
         Their probabilities are those of each given that one of them acts. They are tempered as
         those of a search.
         """
-        model, i = self.system.model, self.rotor
         # half the difference of squared distances: log odds of the loss against the mass
         lead = 0.5 * (self.loss.distance_explained - self.mass.distance_explained)
         share = expit(settings.search.log_odds_slope * lead)
+        loss, mass = self._changes()
+        # a mass that hangs would swing, and an attitude that was measured shows that
+        hanging = {} if self.swing_seen else {"slung_load": {"mass_kg": (0.0, 1.0)}}
+        causes = [(share, self.loss, loss), (1.0 - share, self.mass, {**mass, **hanging})]
+        possible = settings.statistics.possible_probability
+        causes = [(p, cause, changes) for p, cause, changes in causes if p > possible]
+        # fixed or hanging is open as well
+        is_open = len(causes) > 1 or causes[0][1] is self.mass and bool(hanging)
+        return [
+            _as_finding(name, p, parameters, cause, is_open)
+            for p, cause, changes in causes
+            for name, parameters in changes.items()
+        ]
+
+    def effects(self) -> dict[str, effect_table.Effects]:
+        """Return the parameters that each cause changes, by its name, the better cause first.
+
+        Notes
+        -----
+        A mass is a thrust scale, and at a hub a centre of gravity besides.
+        """
+        causes = sorted(
+            zip((self.loss, self.mass), self._changes(), strict=True),
+            key=lambda pair: -pair[0].distance_explained,
+        )
+        return {
+            next(iter(changes)): {
+                name: {p: start + per * cause.value for p, (start, per) in own.items()}
+                for name, own in changes.items()
+            }
+            for cause, changes in causes
+        }
+
+    def _changes(self) -> tuple[_Changes, _Changes]:
+        """Return start and change per unit of the loss and of the mass, by effect and parameter."""
+        model, lost, hub = self.system.model, self.loss.rotor, self.mass.rotor
         # a kilogram at a hub moves the centre of gravity by the hub's place over the mass,
         # and thrust carries as much more: a thrust scale of minus one over the mass
         per_kg = 1.0 / model.number("mass_kg")
@@ -171,33 +212,32 @@ class Shift:
             for key in (*losses_of(model), *MASS)
             for effect, parameter in [ParameterKey.of(key)]
         }
-        loss = {f"loss_{i}": (start[LOSSES[i - 1]], 1.0)}
-        hub = {
-            f"{a}_m": (start[f"cg_offset.{a}_m"], per_kg * model.number(f"rotor_{i}_{a}_m"))
-            for a in "xy"
+        moved = {
+            f"{a}_m": (start[f"cg_offset.{a}_m"], per_kg * model.number(f"rotor_{hub}_{a}_m"))
+            for a in ("xy" if hub else "")
         }
-        heavier = [("cg_offset", hub), ("thrust_scale", {"scale": (start[MASS[2]], -per_kg)})]
-        # a mass that hangs would swing, and an attitude that was measured shows that
-        heavier += [] if self.swing_seen else [("slung_load", {"mass_kg": (0.0, 1.0)})]
-        return [
-            _as_finding("weak_rotor", share, loss, self.loss),
-            *(_as_finding(n, 1.0 - share, p, self.mass) for n, p in heavier),
-        ]
+        heavier = {"thrust_scale": {"scale": (start[MASS[2]], -per_kg)}}
+        return (
+            {"weak_rotor": {f"loss_{lost}": (start[LOSSES[lost - 1]], 1.0)}},
+            {"cg_offset": moved, **heavier} if moved else heavier,
+        )
 
 
 def _as_finding(
-    name: str, probability: float, parameters: dict[str, tuple[float, float]], cause: Cause
+    name: str,
+    probability: float,
+    parameters: Mapping[str, tuple[float, float]],
+    cause: Cause,
+    is_open: bool,
 ) -> Finding:
     """Return a cause as a finding; parameters as start and change per unit of its value."""
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates = {}
     for key, (start, per) in parameters.items():
         low, high = sorted(start + per * v for v in cause.ci95)
-        note = f"near rotor {cause.rotor}" + (
-            f"; the vehicle file has {start:.3g}" if start else ""
-        )
+        note = cause.where + (f"; the vehicle file has {start:.3g}" if start else "")
         estimates[key] = FittedParameter(start + per * cause.value, (low, high), units[key], note)
-    return Finding.of(name, float(probability), estimates, is_open=True)
+    return Finding.of(name, float(probability), estimates, is_open=is_open)
 
 
 def _states_balance(system: System, column: Mapping[str, int]) -> bool:
@@ -240,22 +280,27 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
     -------
     Loss and mass by rotor; empty without a calibrated file.
     """
+    losses, masses = _losses_and_masses(system)
+    return list(zip(losses, masses, strict=False))
+
+
+def _losses_and_masses(system: System) -> tuple[list[Cause], list[Cause]]:
+    """Return a loss of each rotor, and a mass at each hub and last at the centre."""
     column = system.nuisances
     if not _states_balance(system, column):
-        return []
+        return [], []
     y, x, precision = _mean_balance(system, [*losses_of(system.model), *MASS], column)
-    # change of the residual per loss of a rotor, and per kilogram at its hub
-    directions = [
-        (x[LOSSES[i]], _mass_direction(x, i, system)) for i in range(system.model.n_rotors)
-    ]
-    return [
-        (_estimate_cause(y, loss, precision, i), _estimate_cause(y, mass, precision, i))
-        for i, (loss, mass) in enumerate(directions, 1)
-    ]
+    # change of the residual per loss of a rotor, and per kilogram at a place
+    losses = [(i, x[key]) for i, key in enumerate(losses_of(system.model), 1)]
+    masses = [(i, _mass_direction(x, i, system)) for i in (*(i for i, _ in losses), 0)]
+    return (
+        [_estimate_cause(y, direction, precision, i) for i, direction in losses],
+        [_estimate_cause(y, direction, precision, i) for i, direction in masses],
+    )
 
 
 def balance_shift(system: System) -> Shift | None:
-    """Find a balance beyond what a calibrated file allows whose cause is open.
+    """Find a balance beyond what a calibrated file allows.
 
     Parameters
     ----------
@@ -263,31 +308,16 @@ def balance_shift(system: System) -> Shift | None:
 
     Returns
     -------
-    The shift; None where the balance is as allowed, or its cause is clear.
+    The shift; None where the balance is as allowed.
     """
-    causes = causes_of(system)
-    if not causes:
+    losses, masses = _losses_and_masses(system)
+    if not losses:
         return None
-    # at the rotor that explains most
-    loss, mass = max(causes, key=lambda pair: max(c.distance_explained for c in pair))
-    # Bonferroni over two causes at every rotor; each of them explains on one side only
-    least = ndtri(settings.statistics.chance / (2 * len(causes))) ** 2
-    gained = max(loss.distance_explained, mass.distance_explained)
-    between = abs(loss.distance_explained - mass.distance_explained)
-    seen = attitude_measured([r.flight for r in system.flights])
-    return (
-        Shift(system, loss, mass, seen) if gained > least and between < _clear_distance() else None
-    )
-
-
-def _clear_distance() -> float:
-    """Return the difference of squared distances that makes a cause clear.
-
-    The wrong cause then has the chance of a false alarm.
-    """
-    # chance = 1 / (1 + exp(difference / 2))
-    chance = settings.statistics.chance
-    return 2.0 * float(np.log(1.0 / chance - 1.0))
+    loss, mass = (max(c, key=lambda one: one.distance_explained) for c in (losses, masses))
+    # Bonferroni over all causes; each of them explains on one side only
+    least = ndtri(settings.statistics.chance / (len(losses) + len(masses))) ** 2
+    shift = Shift(system, loss, mass, attitude_measured([r.flight for r in system.flights]))
+    return shift if shift.gained > least else None
 
 
 def _mean_balance(
@@ -315,11 +345,11 @@ def _mean_balance(
 
 
 def _mass_direction(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:
-    """Return change of the residual per kilogram at one hub, (4,).
+    """Return change of the residual per kilogram at one hub, or at the centre (0), (4,).
 
     The centre of gravity moves, and the thrust is less for the weight.
     """
-    hub = [system.model.number(f"rotor_{i + 1}_{a}_m") for a in "xy"]
+    hub = [system.model.number(f"rotor_{i}_{a}_m") if i else 0.0 for a in "xy"]
     return (hub[0] * x[MASS[0]] + hub[1] * x[MASS[1]] - x[MASS[2]]) / system.model.number("mass_kg")
 
 

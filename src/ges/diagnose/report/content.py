@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.decide.withdraw import Explanation
+from ges.diagnose.decide.explanation import Explanation
 from ges.diagnose.design.feedback import instrument_strengths
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air

@@ -10,7 +10,7 @@ import numpy as np
 from ges.diagnose.advise.detect import DetectedEffect
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import Contradicted
-from ges.diagnose.decide.withdraw import Explanation, practically_significant
+from ges.diagnose.decide.explanation import Explanation, practically_significant
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import gate_findings

@@ -54,7 +54,10 @@ def fitted_vehicle(
             corrected = within_bounds(name, parameter, start + value)
             of_effect[parameter] = Estimate(value=corrected, sd=joint.common_sd[key])
     for name in accepted.modelled:
-        effects.setdefault(name, {}).update(_estimates(accepted, name))
+        of_effect = effects.setdefault(name, {})
+        # a nominal parameter beside those that the finding freed keeps its correction
+        estimates = _estimates(accepted, name)
+        of_effect |= {p: e for p, e in estimates.items() if f"{name}.{p}" not in joint.common}
     if gusts:
         parameters = gusts.finding().parameters
         effects[GUSTS] = {p: Estimate(value=e.value, ci95=e.ci95) for p, e in parameters.items()}

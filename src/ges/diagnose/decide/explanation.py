@@ -1,8 +1,4 @@
-"""Checks of the accepted names on the flights as a whole.
-
-Names are dropped that do not predict a flight, that gusts explain, or that are a form error of an
-unmeasured thrust curve.
-"""
+"""Accepted names with gusts and structure on the flights as a whole, and what is open besides."""
 
 from __future__ import annotations
 
@@ -16,9 +12,11 @@ from ges.diagnose.decide.accept import (
     accept,
     fit_along_rollouts,
     fit_alternatives,
+    fit_causes,
 )
 from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
+from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions
@@ -159,9 +157,10 @@ def refit_with_open_names(
     unexplained: list[Structure],
     start: Start,
     nominal: Model,
+    balance: Shift | None,
     record: DecisionLog,
 ) -> tuple[Explanation, list[Structure]]:
-    """Refit with each open name; the most probable becomes part of the last stage.
+    """Refit with each open name or cause; the most probable becomes part of the last stage.
 
     Parameters
     ----------
@@ -169,16 +168,19 @@ def refit_with_open_names(
     unexplained : structures that stay.
     start : the recalibrated vehicle.
     nominal : the vehicle file's model.
+    balance : a shifted balance, whose causes are open; None where there is none.
     record : takes every decision.
 
     Returns
     -------
-    The explanation and the unexplained structures. Nothing stays open if one of the names is a wind
-    that gusts may leave.
+    The explanation and the unexplained structures.
     """
-    if not explanation.accepted.rivals:
+    if balance:
+        accepted = fit_causes(explanation.accepted, balance.effects())
+    elif explanation.accepted.rivals:
+        accepted = fit_alternatives(explanation.accepted, record)
+    else:
         return explanation, unexplained
-    accepted = fit_alternatives(explanation.accepted, record)
     refitted = explanation_of(accepted, explanation.gusts, start, nominal)
     return refitted, unexplained_structures(refitted.structures, refitted.last.model)
 
