@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from ges.diagnose.decide.contradicted import contradicted_parameters
-from ges.diagnose.decide.laws import FittedLaw, add_laws, rival_laws
 from ges.diagnose.decide.explanation import (
     explain_flights,
     refit_with_open_names,
     thrust_of,
     without_idle_rivals,
 )
+from ges.diagnose.decide.laws import FittedLaw, add_laws, rival_laws
 from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS

@@ -13,6 +13,7 @@ from ges.diagnose.detectors.balance import (
     MASS,
     Cause,
     Shift,
+    _balance_of,
     balance_shift,
     causes_of,
     variance_of_means,
@@ -188,3 +189,15 @@ def test_a_new_propeller_is_worth_what_a_healthy_balance_would_be():
     told = _shift(30.0, 26.0).next_flight()
     assert told["expected_log_odds"] == pytest.approx(15.0)
     assert told["so_far_log_odds"] == pytest.approx(2.0) and "rotor 2" in told["preparation"]
+
+
+def test_the_chance_of_any_cause_is_that_of_draws():
+    """An upper bound, and near: Bonferroni's is half as much again."""
+    balance = _balance_of(_system(np.zeros(4), sd=0.01, flight_sd=0.01))
+    root = np.linalg.cholesky(balance.precision)
+    directions = np.array([root.T @ d for d in (*balance.losses, *balance.masses)])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    drawn = (np.random.default_rng(0).standard_normal((400_000, 4)) @ directions.T).max(axis=1)
+    for sds in (2.5, 3.0):
+        chance = (drawn > sds).mean()
+        assert chance * 0.97 < balance.chance(sds) < 1.15 * chance

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.decide.explanation import Explanation, explanation_of
+from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import build
 from ges.diagnose.design.whiten import estimate_noise
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution

@@ -15,7 +15,8 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import expit, ndtri
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.special import expit, ndtr, owens_t
 
 from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
@@ -280,23 +281,56 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
     -------
     Loss and mass by rotor; empty without a calibrated file.
     """
-    losses, masses = _losses_and_masses(system)
-    return list(zip(losses, masses, strict=False))
+    balance = _balance_of(system)
+    if balance is None:
+        return []
+    return list(zip(balance.causes(balance.losses), balance.causes(balance.masses), strict=False))
 
 
-def _losses_and_masses(system: System) -> tuple[list[Cause], list[Cause]]:
-    """Return a loss of each rotor, and a mass at each hub and last at the centre."""
-    column = system.nuisances
+@dataclasses.dataclass(frozen=True)
+class _Balance:
+    """Mean balance y (4,) with its precision (4, 4), and its change per unit of each cause.
+
+    Losses are those of each rotor; masses are at each hub and last at the centre.
+    """
+
+    y: np.ndarray
+    precision: np.ndarray
+    losses: tuple[np.ndarray, ...]
+    masses: tuple[np.ndarray, ...]
+
+    def causes(self, directions: Sequence[np.ndarray]) -> list[Cause]:
+        """Estimate each cause as if it alone acted; the one behind those of the rotors has no."""
+        rotors = [i % (len(self.losses) + 1) for i in range(1, len(directions) + 1)]
+        return [
+            _estimate_cause(self.y, d, self.precision, i)
+            for i, d in zip(rotors, directions, strict=True)
+        ]
+
+    def chance(self, sds: float) -> float:
+        """Return the chance that noise makes any cause as large as this, at most.
+
+        Causes are alike, and so Bonferroni's sum counts most chances twice. What both of a pair
+        take is taken off along a spanning tree (Worsley 1982, Biometrika 69, 297).
+        """
+        root = np.linalg.cholesky(self.precision)
+        white = np.array([root.T @ d for d in (*self.losses, *self.masses)])
+        white /= np.linalg.norm(white, axis=1, keepdims=True)
+        alike = np.clip(white @ white.T, -1.0 + settings.numerics.small, 1.0)
+        # chance that two Gaussians of this correlation are both beyond (Owen 1956)
+        both = ndtr(-sds) - 2.0 * owens_t(sds, np.sqrt((1.0 - alike) / (1.0 + alike)))
+        return float(len(white) * ndtr(-sds) + minimum_spanning_tree(-np.triu(both, 1)).sum())
+
+
+def _balance_of(system: System) -> _Balance | None:
+    """Return the mean balance; None without a calibrated file."""
+    column, model = system.nuisances, system.model
     if not _states_balance(system, column):
-        return [], []
-    y, x, precision = _mean_balance(system, [*losses_of(system.model), *MASS], column)
-    # change of the residual per loss of a rotor, and per kilogram at a place
-    losses = [(i, x[key]) for i, key in enumerate(losses_of(system.model), 1)]
-    masses = [(i, _mass_direction(x, i, system)) for i in (*(i for i, _ in losses), 0)]
-    return (
-        [_estimate_cause(y, direction, precision, i) for i, direction in losses],
-        [_estimate_cause(y, direction, precision, i) for i, direction in masses],
-    )
+        return None
+    y, x, precision = _mean_balance(system, [*losses_of(model), *MASS], column)
+    losses = tuple(x[key] for key in losses_of(model))
+    masses = tuple(_mass_direction(x, i, system) for i in (*range(1, len(losses) + 1), 0))
+    return _Balance(y, precision, losses, masses)
 
 
 def balance_shift(system: System) -> Shift | None:
@@ -310,14 +344,16 @@ def balance_shift(system: System) -> Shift | None:
     -------
     The shift; None where the balance is as allowed.
     """
-    losses, masses = _losses_and_masses(system)
-    if not losses:
+    balance = _balance_of(system)
+    if balance is None:
         return None
-    loss, mass = (max(c, key=lambda one: one.distance_explained) for c in (losses, masses))
-    # Bonferroni over all causes; each of them explains on one side only
-    least = ndtri(settings.statistics.chance / (len(losses) + len(masses))) ** 2
+    loss, mass = (
+        max(balance.causes(directions), key=lambda cause: cause.distance_explained)
+        for directions in (balance.losses, balance.masses)
+    )
     shift = Shift(system, loss, mass, attitude_measured([r.flight for r in system.flights]))
-    return shift if shift.gained > least else None
+    chance = balance.chance(shift.gained**0.5)
+    return shift if chance < settings.statistics.chance else None
 
 
 def _mean_balance(

@@ -9,8 +9,8 @@ from ges.diagnose.advise.detect import smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import Contradicted
-from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.decide.explanation import Explanation
+from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
 from ges.diagnose.library.requirements import silent_channels
