@@ -33,14 +33,16 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
 
     Returns
     -------
-    ``effect.parameter`` to correction, in the parameter's unit. Empty where the linear step does
-    what it predicts.
+    ``effect.parameter`` to correction, in the parameter's unit. Empty where the linear step leads to
+    the cost that it predicts.
     """
     corrections = dict(regression.system.model.corrections)
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
     may_stop = corrections or not _stopped_at_bound(regression, joint)
     cost = _cost(regression, {})
-    if may_stop and _gains_as_predicted(regression, cost, joint, joint):
+    # a step may gain nearly all, and still end where quiet sensors tell the linearisation's error
+    error = abs(_cost(regression, _step(regression, joint)) - joint.cost)
+    if may_stop and error < settings.estimate.recalibration_tolerance * joint.cost:
         return {}
     reach = math.inf
     for _ in range(settings.numerics.fit_rounds):
@@ -54,6 +56,22 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
         if cost - joint.cost < settings.estimate.recalibration_tolerance * cost:
             break
     return corrections
+
+
+def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
+    """Return the fit, its step shortened until the model flown with it gains what is predicted.
+
+    Parameters
+    ----------
+    regression, joint : of the null fit, linearised at corrections of the vehicle file.
+
+    Notes
+    -----
+    A motor lag shorter than a row of the log moves nothing: its column vanishes, and its prior
+    would draw it back to where it moves a lot.
+    """
+    step, _ = _damped_step(regression, _cost(regression, {}), joint, math.inf)
+    return step or _within_reach(regression, settings.estimate.converged_sds)
 
 
 def _damped_step(

@@ -16,7 +16,7 @@ from ges.diagnose.estimate.fit import (
     raw_residuals,
     with_corrections,
 )
-from ges.diagnose.estimate.recalibrate import at_corrections, operating_point
+from ges.diagnose.estimate.recalibrate import at_corrections, checked_fit, operating_point
 from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
@@ -120,6 +120,7 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
         corrections = more
     system = first_system(flights, at_corrections(nominal, corrections))
     regression, joint = null_fit(system)
+    joint = checked_fit(regression, joint)
     regimes = regimes_of(system)
     first = make_stage(with_corrections(nominal, joint.common), joint, regression, regimes)
     return Start(
