@@ -694,9 +694,6 @@ class EstimateSettings:
         Convention("near a third: no quotient beyond bounds; not measured"),
         high=1.0,
     )
-    recalibration_tolerance: float = number(
-        1e-3, "", "Relative fall of the cost that ends recalibration.", Numerical("far below noise")
-    )
 
 
 @dataclasses.dataclass(frozen=True)

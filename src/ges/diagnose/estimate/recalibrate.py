@@ -42,7 +42,7 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     cost = _cost(regression, {})
     # a step may gain nearly all, and still end where quiet sensors tell the linearisation's error
     error = abs(_cost(regression, _step(regression, joint)) - joint.cost)
-    if may_stop and error < settings.estimate.recalibration_tolerance * joint.cost:
+    if may_stop and error < settings.statistics.least_gain * joint.cost:
         return {}
     reach = math.inf
     for _ in range(settings.numerics.fit_rounds):
@@ -53,7 +53,7 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
         regression = _linearise(regression, nominal, corrections)
         joint = joint_fit(regression, ())
         cost = _cost(regression, {})
-        if cost - joint.cost < settings.estimate.recalibration_tolerance * cost:
+        if cost - joint.cost < settings.statistics.least_gain * cost:
             break
     return corrections
 
