@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from ges.conventions import SPECIFIC_FORCE
 from ges.diagnose.design.system import build
 from ges.diagnose.detectors.gusts import (
     Gusts,
@@ -17,6 +18,7 @@ from ges.diagnose.detectors.gusts import (
     wind_speed_m_s,
 )
 from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.prepare.channels import ACC, FORCE
 from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, hovering, system_of
@@ -26,12 +28,15 @@ DURATION_S = 52.0
 
 
 @functools.lru_cache
-def _wind_and_its_drag(strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True):
+def _wind_and_its_drag(
+    strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True, shown=FORCE, accelerometer=()
+):
     """A system whose residuals are those of a wind through the drag, that wanders in so many
-    seconds; its sensors' noise of 0.02 N.
+    seconds, in the channels ``shown``; its sensors' noise of 0.02 N.
     """
     model = MODEL.with_effects({"rotor_drag": {"k_kg": DRAG_KG}} if drag else {})
-    system = build([hovering(DURATION_S)], model, [])
+    felt = dict(zip(accelerometer, (0.0, 0.0, 9.81), strict=False))
+    system = build([hovering(DURATION_S, **felt)], model, [])
     (rows,) = system.flights
     rng = np.random.default_rng(0)
     step_s = float(rows.windows.center_s[1] - rows.windows.center_s[0])
@@ -39,9 +44,10 @@ def _wind_and_its_drag(strength_m_s, slow_s=3.0, constant_m_s=0.0, drag=True):
     wind = strength_m_s * wind / wind.std(axis=0) + constant_m_s
     push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * wind
     y = rows.y.copy()
-    for c, name in enumerate(("force_x", "force_y")):
-        at = system.names.index(name)
-        y[:, at] = push_N[:, c] + 0.02 * rng.standard_normal(len(y))
+    for channels in (FORCE, ACC) if accelerometer else (FORCE,):
+        for c, name in enumerate(channels[:2]):
+            noise_N = 0.02 * rng.standard_normal(len(y))
+            y[:, system.names.index(name)] = noise_N + (channels == shown) * push_N[:, c]
     return dataclasses.replace(system, flights=(dataclasses.replace(rows, y=y),))
 
 
@@ -75,6 +81,18 @@ def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
 )
 def test_what_is_no_gust_is_none(blown):
     assert find_gusts(_wind_and_its_drag(**blown), JOINT) is None
+
+
+def test_what_an_accelerometer_does_not_feel_is_no_gust():
+    """An attitude that wanders pushes the force that follows from the motion."""
+    shown = {
+        channels: find_gusts(
+            _wind_and_its_drag(2.0, shown=channels, accelerometer=SPECIFIC_FORCE), JOINT
+        )
+        for channels in (FORCE, ACC)
+    }
+    assert shown[FORCE] is None
+    assert shown[ACC].force_N == pytest.approx(_found(2.0).force_N, rel=0.1)
 
 
 def test_no_more_gusts_than_the_file_has_are_no_news():

@@ -6,8 +6,10 @@ wind, window by window. A steady wind, its profile with height, an error of the 
 trims are regressed out.
 
 Noise averages out over seconds and gusts do not. Means of seconds are compared with what the
-scatter of shorter means within them predicts. The strength follows from the compiled effect, flown
-along the same flights and averaged in the same way.
+scatter of shorter means within them predicts. Where an accelerometer is logged it is what counts:
+an attitude that drifts pushes the force that follows from the motion, and no accelerometer. The
+strength follows from the compiled effect, flown along the same flights and averaged in the same
+way.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.fit import JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
-from ges.diagnose.prepare.channels import FORCE
+from ges.diagnose.prepare.channels import ACC, FORCE
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter
@@ -186,9 +188,10 @@ def find_gusts(
     The gusts. None where no drag is on, nothing scatters as they do, or no more than the nominal
     ones.
     """
-    if not shows_moving_air(system.model.effects) or not {*FORCE} <= {*system.names}:
+    channels = next((c for c in (ACC[:2], FORCE[:2]) if {*c} <= {*system.names}), None)
+    if channels is None or not shows_moving_air(system.model.effects):
         return None
-    forces = _force_windows(system, joint)
+    forces = _force_windows(system, joint, channels)
     equivalent = _equivalent_wind(forces, system.model)
     if not equivalent.stretches:
         return None
@@ -231,8 +234,8 @@ class _ForceWindows:
     force_per_wind: np.ndarray
 
 
-def _force_windows(system: System, joint: JointFit) -> list[_ForceWindows]:
-    """Return force windows of every flight that has any."""
+def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> list[_ForceWindows]:
+    """Return windows of every flight that has any, of two channels of horizontal force."""
     east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
     system_of_wind = build(system.recordings, system.model, [east_and_north], system)
     columns = [
@@ -240,7 +243,7 @@ def _force_windows(system: System, joint: JointFit) -> list[_ForceWindows]:
         for k, c in enumerate(system_of_wind.columns)
         if c.variant is not None and c.part != "moment"
     ]
-    channels, forces = np.array([system_of_wind.names.index(name) for name in FORCE[:2]]), []
+    channels, forces = np.array([system_of_wind.names.index(name) for name in names]), []
     for rows, residuals in zip(system_of_wind.flights, raw_residuals(system, joint), strict=True):
         force_per_wind = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         # can be inverted where the vehicle stands on edge

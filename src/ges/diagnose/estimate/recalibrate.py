@@ -33,8 +33,8 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
 
     Returns
     -------
-    ``effect.parameter`` to correction, in the parameter's unit. Empty where the linear step leads to
-    the cost that it predicts.
+    ``effect.parameter`` to correction, in the parameter's unit. Empty where the linear step leads
+    to the cost that it predicts.
     """
     corrections = dict(regression.system.model.corrections)
     # a bound that stopped a step says nothing of where the best inside is, until that was searched
