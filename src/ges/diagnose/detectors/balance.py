@@ -204,7 +204,7 @@ class Shift:
 
     def _changes(self) -> tuple[_Changes, _Changes]:
         """Return start and change per unit of the loss and of the mass, by effect and parameter."""
-        model, lost, hub = self.system.model, self.loss.rotor, self.mass.rotor
+        model, rotor, hub = self.system.model, self.loss.rotor, self.mass.rotor
         # a kilogram at a hub moves the centre of gravity by the hub's place over the mass,
         # and thrust carries as much more: a thrust scale of minus one over the mass
         per_kg = 1.0 / model.number("mass_kg")
@@ -219,7 +219,7 @@ class Shift:
         }
         heavier = {"thrust_scale": {"scale": (start[MASS[2]], -per_kg)}}
         return (
-            {"weak_rotor": {f"loss_{lost}": (start[LOSSES[lost - 1]], 1.0)}},
+            {"weak_rotor": {f"loss_{rotor}": (start[LOSSES[rotor - 1]], 1.0)}},
             {"cg_offset": moved, **heavier} if moved else heavier,
         )
 
