@@ -69,6 +69,14 @@ def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
     assert found[2.0].force_N == pytest.approx(2.0 * found[1.0].force_N, rel=0.1)
 
 
+@pytest.mark.parametrize("slow_s", [0.5, 1.0])
+def test_gusts_of_a_second_are_told(slow_s):
+    """Over blocks of five seconds they average out."""
+    push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * 2.0 * np.sqrt(2.0)
+    gusts = find_gusts(_wind_and_its_drag(2.0, slow_s), JOINT)
+    assert gusts.chance < 1e-6 and 0.5 * push_N < gusts.force_N < 1.1 * push_N
+
+
 @pytest.mark.parametrize(
     "blown",
     [

@@ -5,8 +5,9 @@ they are looked for in the residuals of the accepted effects. These are expresse
 wind, window by window. A steady wind, its profile with height, an error of the drag's form and
 trims are regressed out.
 
-Noise averages out over seconds and gusts do not. Means of seconds are compared with what the
-scatter of shorter means within them predicts. Where an accelerometer is logged it is what counts:
+Noise averages out and gusts do not. Means over a stretch of time are compared with what the scatter
+of means over a tenth of it predicts. Turbulence has any time scale, and so do the stretches: from
+seconds down to ten windows. Where an accelerometer is logged it is what counts:
 an attitude that drifts pushes the force that follows from the motion, and no accelerometer. The
 strength follows from the compiled effect, flown along the same flights and averaged in the same
 way.
@@ -126,15 +127,15 @@ class _EquivalentWind:
     wind : (M, 2) wind east and north that would make the residual, m/s.
     regressors : (M, 2, k) what else looks like it, as wind.
     precision : (k,) of the coefficients' priors.
-    stretches : windows of every stretch of seconds.
-    short : windows in a shorter mean.
+    stretches : windows of every stretch of time.
+    parts : shorter means in a stretch.
     """
 
     wind: np.ndarray
     regressors: np.ndarray
     precision: np.ndarray
     stretches: Sequence[np.ndarray]
-    short: int
+    parts: int
 
     def without_regressors(self, wind: np.ndarray) -> np.ndarray:
         """Return wind (M, 2) less what the regressors explain, with equal noise in every window."""
@@ -152,10 +153,7 @@ class _EquivalentWind:
         """Return the variance of such a mean, from the scatter of shorter means."""
         shorter = [
             np.array(
-                [
-                    wind[part].mean(axis=0)
-                    for part in np.array_split(at, max(2, len(at) // self.short))
-                ]
+                [wind[part].mean(axis=0) for part in np.array_split(at, min(self.parts, len(at)))]
             )
             for at in self.stretches
         ]
@@ -192,21 +190,17 @@ def find_gusts(
     if channels is None or not shows_moving_air(system.model.effects):
         return None
     forces = _force_windows(system, joint, channels)
-    equivalent = _equivalent_wind(forces, system.model)
-    if not equivalent.stretches:
+    if not forces:
         return None
-    residual_wind = equivalent.without_regressors(equivalent.wind)
-    slow = float(np.mean(equivalent.means(residual_wind) ** 2))
-    noise = equivalent.noise(residual_wind)
-    if slow < settings.detect.gust_variance_ratio * noise:
+    # of several scales the one on which they stand out most
+    found = [
+        (ratio, gusts)
+        for length_s in _stretch_lengths_s(forces)
+        for ratio, gusts in _gusts_on(length_s, forces, system.model)
+    ]
+    if not found:
         return None
-    # F test: two axes of every stretch against what its shorter means have about their own mean
-    count = 2 * len(equivalent.stretches)
-    parts = settings.statistics.block_s / settings.design.response_slowest_s
-    chance = float(fdtrc(count, count * (parts - 1.0), slow / noise))
-    if chance > settings.statistics.chance:
-        return None
-    gusts = _gusts_of_excess(slow - noise, chance, equivalent, forces, system.model)
+    _, gusts = max(found, key=lambda pair: pair[0])
     # no news unless clearly stronger than the gusts that are known already
     expected = (
         0.0
@@ -214,6 +208,43 @@ def find_gusts(
         else effect_table.get("gusts").completed(nominal_gusts)[STRENGTH]
     )
     return gusts if gusts.ci95[0] > expected else None
+
+
+def _stretch_lengths_s(forces: Sequence[_ForceWindows]) -> list[float]:
+    """Return lengths of stretches, halved from blocks of time down to tenths of a window's step."""
+    length_s, spacing_s = settings.statistics.block_s, 0.5 * forces[0].rows.windows.length_s
+    lengths_s = []
+    while length_s >= _parts() * spacing_s:
+        lengths_s.append(length_s)
+        length_s *= 0.5
+    return lengths_s
+
+
+def _parts() -> int:
+    """Return the number of shorter means in a stretch."""
+    return round(settings.statistics.block_s / settings.design.response_slowest_s)
+
+
+def _gusts_on(
+    length_s: float, forces: Sequence[_ForceWindows], model: Model
+) -> list[tuple[float, Gusts]]:
+    """Return variance ratio and gusts on stretches of this length; nothing where none are."""
+    equivalent = _equivalent_wind(forces, model, length_s)
+    if not equivalent.stretches:
+        return []
+    residual_wind = equivalent.without_regressors(equivalent.wind)
+    slow = float(np.mean(equivalent.means(residual_wind) ** 2))
+    noise = equivalent.noise(residual_wind)
+    if slow < settings.detect.gust_variance_ratio * noise:
+        return []
+    # F test: two axes of every stretch against what its shorter means have about their own mean
+    count = 2 * len(equivalent.stretches)
+    chance = float(fdtrc(count, count * (equivalent.parts - 1.0), slow / noise))
+    # Bonferroni over the scales
+    chance = min(1.0, chance * len(_stretch_lengths_s(forces)))
+    if chance > settings.statistics.chance:
+        return []
+    return [(slow / noise, _gusts_of_excess(slow - noise, chance, equivalent, forces, model))]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -257,10 +288,10 @@ def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> lis
     return forces
 
 
-def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _EquivalentWind:
-    """Join the force windows of all flights, with regressors and stretches."""
-    if not forces:
-        return _EquivalentWind(np.zeros((0, 2)), np.zeros((0, 2, 6)), np.zeros(6), (), 1)
+def _equivalent_wind(
+    forces: Sequence[_ForceWindows], model: Model, length_s: float
+) -> _EquivalentWind:
+    """Join the force windows of all flights, with regressors and stretches of this length."""
     first = np.cumsum([0, *(len(f.at) for f in forces)])
     # wind, profile and drag may be anything; a trim is a tilt within its prior sd, a share of
     # weight
@@ -270,8 +301,8 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
         np.concatenate([f.wind for f in forces]),
         np.concatenate([_regressors(f, i, len(forces)) for i, f in enumerate(forces)]),
         np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
-        [k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f)],
-        max(1, round(settings.design.response_slowest_s / (0.5 * forces[0].rows.windows.length_s))),
+        [k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f, length_s)],
+        _parts(),
     )
 
 
@@ -298,12 +329,12 @@ def _regressors(forces: _ForceWindows, number: int, flights: int) -> np.ndarray:
     )
 
 
-def _stretches(forces: _ForceWindows) -> list[np.ndarray]:
+def _stretches(forces: _ForceWindows, length_s: float) -> list[np.ndarray]:
     """Return windows of every stretch of one flight, numbered among those in use.
 
     None is shorter than half of a full one.
     """
-    windows, length_s = forces.rows.windows, settings.statistics.block_s
+    windows = forces.rows.windows
     number = ((windows.center_s[forces.at] - windows.center_s[forces.at[0]]) // length_s).astype(
         int
     )
