@@ -7,6 +7,7 @@ import pytest
 
 from ges.diagnose.report.findings import open_findings
 from ges.diagnose.select.probability import calibrated_probability
+from ges.diagnose.types.model import Model
 
 
 @pytest.mark.parametrize(
@@ -23,7 +24,8 @@ def test_of_names_of_which_one_is_needed_no_more_is_stated_than_one(inclusion, s
         inclusion=inclusion, best_with=lambda *_: SimpleNamespace(posterior=nothing)
     )
     told = open_findings(
-        SimpleNamespace(result=found, rivals=tuple(inclusion), alternatives={}, regression=None)
+        SimpleNamespace(result=found, rivals=tuple(inclusion), alternatives={}, regression=None),
+        Model({}),
     )
     assert [f.probability for f in told] == pytest.approx(
         [calibrated_probability(p) for p in shares]

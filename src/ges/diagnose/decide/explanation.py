@@ -88,7 +88,7 @@ def explanation_of(
         model = fitted_model(nominal, fitted)
         last = make_stage(model, fitted.joint, fitted.regression, start.regimes)
     structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
-    contributions_by_name = contributions(accepted.fitted, accepted.names, start.system.model)
+    contributions_by_name = contributions(accepted.fitted, accepted.names, nominal)
     return Explanation(accepted, gusts, last, structures, contributions_by_name)
 
 

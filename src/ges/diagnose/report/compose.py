@@ -94,7 +94,10 @@ def compose_diagnosis(
     names_searched : False where the names were given.
     """
     findings = with_rival_laws(
-        all_findings(explanation, contradicted, shift, problem.gate, record, names_searched), rivals
+        all_findings(
+            explanation, problem.model, contradicted, shift, problem.gate, record, names_searched
+        ),
+        rivals,
     )
     # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, explanation.last.model)

@@ -29,11 +29,13 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
+from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
 
 def all_findings(
     explanation: Explanation,
+    nominal: Model,
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     gate: Gate,
@@ -45,6 +47,7 @@ def all_findings(
     Parameters
     ----------
     explanation : accepted names with their fits.
+    nominal : the vehicle file's model, against which sizes count.
     contradicted : nominal parameters that the flights contradict.
     shift : a shifted balance or unmeasured thrust; None without one.
     gate : delays and offsets that were removed.
@@ -60,7 +63,7 @@ def all_findings(
     proven = [
         f
         for n, contribution in explanation.contributions.items()
-        for f in _findings_by_place(accepted, n, contribution)
+        for f in _findings_by_place(accepted, n, contribution, nominal)
     ]
     # shares make a force, a moment and a rotor speed comparable
     proven.sort(key=lambda f: -f.size["share_of_weight"])
@@ -78,7 +81,7 @@ def all_findings(
         *proven,
         *gate_findings(gate, explanation.last.model.prior_sds),
         *_contradicted_findings(contradicted, explanation.last.regression.system),
-        *open_findings(accepted),
+        *open_findings(accepted, nominal),
         *(shift.findings() if shift else ()),
     ]
 
@@ -167,13 +170,14 @@ def _alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
     return (*places, *({"name": n, "log_odds": float(v)} for n, v in ranked))
 
 
-def _finding(accepted: Accepted, name: str, contribution: Sequence[np.ndarray]) -> Finding:
+def _finding(
+    accepted: Accepted, name: str, contribution: Sequence[np.ndarray], nominal: Model
+) -> Finding:
     """Return one accepted effect; ``contribution`` (m, C) by flight."""
-    nominal = accepted.regression.system.model.effects.get(name, {})
     return Finding.of(
         name,
         calibrated_probability(accepted.probability[name]),
-        _parameters_of(accepted.fit, name, nominal),
+        _parameters_of(accepted.fit, name, nominal.effects.get(name, {})),
         size_of_contribution(contribution, accepted.fit.regression.system),
         _alternatives_of(accepted, name),
         place=places_of(accepted, name),
@@ -181,25 +185,24 @@ def _finding(accepted: Accepted, name: str, contribution: Sequence[np.ndarray]) 
 
 
 def _findings_by_place(
-    accepted: Accepted, name: str, contribution: Sequence[np.ndarray]
+    accepted: Accepted, name: str, contribution: Sequence[np.ndarray], nominal: Model
 ) -> list[Finding]:
     """Return one accepted effect, as one finding for each place where it acts.
 
     ``contribution`` is by flight, (m, C) of :func:`contributions`.
     """
-    fitted, model = accepted.fit, accepted.regression.system.model
-    system = fitted.regression.system
+    fitted, system = accepted.fit, accepted.fit.regression.system
     numbered = [p for e, p in fitted.free if e == name and place_of(p)]
     # ``added`` is of all places together, so each is computed alone, with the others at neutral
     if len(numbered) < 2:
-        return [_finding(accepted, name, contribution)]
-    whole = _finding(accepted, name, contribution)
+        return [_finding(accepted, name, contribution, nominal)]
+    whole = _finding(accepted, name, contribution, nominal)
     neutral = effect_table.get(name).neutral()
     findings = []
     for parameter in numbered:
         others = {p: neutral[p] for p in numbered if p != parameter}
         effects = {**system.model.effects, name: {**fitted.effects[name], **others}}
-        size = size_of_contribution(contributions_of(effects, name, system, model), system)
+        size = size_of_contribution(contributions_of(effects, name, system, nominal), system)
         parameters = {parameter: whole.parameters[parameter]}
         place = place_of(parameter)
         findings.append(dataclasses.replace(whole, parameters=parameters, size=size, place=place))
@@ -247,17 +250,18 @@ def _contradicted_finding(
     return dataclasses.replace(finding, kind="parameter")
 
 
-def open_findings(accepted: Accepted) -> list[Finding]:
+def open_findings(accepted: Accepted, nominal: Model) -> list[Finding]:
     """Return the names that the flights cannot separate, each as fitted with what is accepted.
 
     Parameters
     ----------
     accepted : names and fits; without a fit of a name its coefficient from the search counts.
+    nominal : the vehicle file's model, against which sizes count.
     """
-    return [_open_finding(accepted, name) for name in accepted.rivals]
+    return [_open_finding(accepted, name, nominal) for name in accepted.rivals]
 
 
-def _open_finding(accepted: Accepted, name: str) -> Finding:
+def _open_finding(accepted: Accepted, name: str, nominal: Model) -> Finding:
     fitted, inclusion = accepted.alternatives.get(name), accepted.result.inclusion
     # one of them is needed: a set that has two makes neither surer than the other lets it be
     # what cannot be tested is as likely as any of them
@@ -267,12 +271,11 @@ def _open_finding(accepted: Accepted, name: str) -> Finding:
     # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
         return Finding.of(name, chance, _search_estimates(accepted, name), is_open=True)
-    model = accepted.regression.system.model
-    contribution, nominal = contributions(fitted, (name,), model)[name], model.effects.get(name, {})
+    contribution = contributions(fitted, (name,), nominal)[name]
     return Finding.of(
         name,
         chance,
-        _parameters_of(fitted, name, nominal),
+        _parameters_of(fitted, name, nominal.effects.get(name, {})),
         size_of_contribution(contribution, fitted.regression.system),
         is_open=True,
         place=places_of(accepted, name),
