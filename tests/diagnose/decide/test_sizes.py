@@ -76,6 +76,12 @@ def test_what_hardly_shows_or_what_others_can_move_contradicts_nothing():
     assert corrected_numbers("cg_offset.x_m") == "cg_offset.x_m"
 
 
+def test_what_stands_at_a_bound_of_the_library_is_no_wrong_number():
+    """Something else drives it there, the other numbers of its effect, too."""
+    assert _declared({"inertia.yy": 3.0}) == [] and _declared({"inertia.yy": -0.7}) == []
+    assert len(_declared({"inertia.yy": 2.9})) == 1
+
+
 def _structure(channel="force_z", share=0.02, r2=0.5, **more):
     rms = share * MODEL.reference_scale(channel)
     return Structure(channel, ("climb_m_s",), (0.0,), (1.0,), r2, 0.002, rms, **more)

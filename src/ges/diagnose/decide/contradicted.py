@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System, nuisance_of
-from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.estimate.fit import JointFit, correction_bounds
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
@@ -91,8 +91,16 @@ def contradicted_parameters(
 
     Returns
     -------
-    The farthest first. A correction below the practical significance threshold does not count.
+    The farthest first. A correction below the practical significance threshold does not count, nor
+    one of an effect that stands at a bound of the library: something else is behind that.
     """
+    corrections, rounding = system.model.corrections, settings.numerics.small
+    at_bound = {
+        ParameterKey.of(key).effect
+        for key, value in joint.common.items()
+        for low, high in [correction_bounds(key, system.model)]
+        if value and not low + rounding < value - corrections.get(key, 0.0) < high - rounding
+    }
     model, share = system.model, rms_of(system) / least_sizes(system)[:, None]
     contradicted = [
         Contradicted(key, value, joint.common_sd[key], sd, _relative_correction(key, value, model))
@@ -100,7 +108,7 @@ def contradicted_parameters(
         # with what the recording adds to the file's own sd, as how long a command was held
         if key in model.prior_sds
         and (sd := nuisance_of(system.columns[system.nuisances[key]]).sd)
-        and ParameterKey.of(key).effect not in but
+        and ParameterKey.of(key).effect not in {*but, *at_bound}
         # certain alone is not enough: a number known to a hair may be off by what matters nowhere
         and abs(value) > settings.statistics.certain_sds * sd
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
