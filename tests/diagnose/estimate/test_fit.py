@@ -266,6 +266,9 @@ def test_a_fitted_vehicle_has_its_effects_and_its_corrections():
     fitted = _fitted(None, dataclasses.replace(joint, covariance=np.eye(1)), 3e-4)
     told = fitted_model(MODEL, fitted)
     assert told.effects["rotor_drag"]["k_kg"] == 3e-4 and told.effects["inertia"]["xx"] == 0.2
+    moved = MODEL.with_effects({"inertia": {"xx": 0.15, "yy": 0.0, "zz": 0.0}})
+    there = dataclasses.replace(moved, corrections={"inertia.xx": 0.15})
+    assert fitted_model(there, fitted).effects["inertia"]["xx"] == pytest.approx(0.2), "not twice"
 
 
 def _start(variants_values, model=MODEL):

@@ -772,10 +772,11 @@ def fitted_model(model: Model, fitted: Fitted) -> Model:
 
     Parameters
     ----------
-    model : of the vehicle file.
-    fitted : the fit.
+    model : of the vehicle file, or where its numbers were moved to.
+    fitted : the fit, whose corrections count from the vehicle file.
     """
-    return with_corrections(model.with_effects(fitted.effects), fitted.joint.common)
+    steps = {k: v - model.corrections.get(k, 0.0) for k, v in fitted.joint.common.items()}
+    return with_corrections(model.with_effects(fitted.effects), steps)
 
 
 def null_fit(system: System) -> tuple[Regression, JointFit]:
