@@ -21,6 +21,7 @@ from scipy.special import expit, ndtr, owens_t
 from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.prepare.align import attitude_measured
+from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
@@ -168,11 +169,15 @@ class Shift:
         """
         # half the difference of squared distances: log odds of the loss against the mass
         lead = 0.5 * (self.loss.distance_explained - self.mass.distance_explained)
-        share = expit(settings.search.log_odds_slope * lead)
+        # certain by its own rule, a shift is as sure as any name can be
+        sure, share = calibrated_probability(1.0), expit(settings.search.log_odds_slope * lead)
         loss, mass = self._changes()
         # a mass that hangs would swing, and an attitude that was measured shows that
         hanging = {} if self.swing_seen else {"slung_load": {"mass_kg": (0.0, 1.0)}}
-        causes = [(share, self.loss, loss), (1.0 - share, self.mass, {**mass, **hanging})]
+        causes = [
+            (sure * share, self.loss, loss),
+            (sure * (1.0 - share), self.mass, {**mass, **hanging}),
+        ]
         possible = settings.statistics.possible_probability
         causes = [(p, cause, changes) for p, cause, changes in causes if p > possible]
         # fixed or hanging is open as well
