@@ -21,14 +21,14 @@ COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 BEND = "thrust_curve.c"
 
 
-def _fly_motors(top_rad_s, bend):
+def _fly_motors(top_rad_s, bend, noise_rad_s=1.0):
     """A flight whose speeds a drive of another top speed and bend has made of the commands."""
     t, rng = times(8.0), np.random.default_rng(0)
     u = {name: 0.55 + 0.35 * np.sin((0.8 + 0.2 * i) * t + i) for i, name in enumerate(COMMAND)}
     flight = hovering(8.0, **u)
     other = MODEL.with_number("max_rotor_speed_rad_s", top_rad_s)
     (speeds,) = commanded_speeds([flight], other, {"thrust_curve": {"c": bend}} if bend else {})
-    speeds = speeds + rng.normal(0.0, 1.0, speeds.shape)
+    speeds = speeds + rng.normal(0.0, noise_rad_s, speeds.shape)
     columns = dict(zip(ROTOR_SPEED, speeds.T, strict=True))
     blind = {name for name in flight.columns if name[:2] in ("p_", "v_", "q_", "om")}
     kept = {n: v for n, v in flight.columns.items() if n not in blind}
@@ -52,6 +52,15 @@ def test_numbers_that_multiply_each_other_are_found_beyond_the_linear_step():
     found = _found(_fly_motors(1800.0, 0.9))
     assert found[SPEED] == pytest.approx(800.0, abs=25.0)
     assert found[BEND] == pytest.approx(0.9, abs=0.05)
+
+
+def test_quiet_sensors_tell_the_error_of_a_step_that_gains_nearly_all():
+    """The same numbers need no second linearisation where noise hides its error."""
+    top_rad_s, bend = 1100.0, 0.1
+    assert _found(_fly_motors(top_rad_s, bend, noise_rad_s=100.0)) == {}
+    found = _found(_fly_motors(top_rad_s, bend, noise_rad_s=0.01))
+    assert found[SPEED] == pytest.approx(top_rad_s - 1000.0, rel=1e-3)
+    assert found[BEND] == pytest.approx(bend, rel=1e-3)
 
 
 def _drive_form_error(flight):
