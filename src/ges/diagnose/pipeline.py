@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ges.diagnose.decide.contradicted import contradicted_parameters
+from ges.diagnose.decide.contradicted import contradicted_parameters, excused_effects
 from ges.diagnose.decide.explanation import (
     explain_flights,
     refit_with_open_names,
@@ -111,8 +111,8 @@ def diagnose(
     laws: list[FittedLaw] = []
     if names is None:
         explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
-    # an open cause may move the numbers that it is confused with: those are not the file's fault
-    excused = {*explanation.accepted.rivals, *(shift.may_move if shift else ())}
+    may_move = shift.may_move if shift else ()
+    excused = excused_effects((*explanation.accepted.rivals, *may_move), record)
     last = explanation.last
     contradicted = [] if names else contradicted_parameters(last.joint, start.system, excused)
 

@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.decide.contradicted import contradicted_parameters, corrected_numbers
+from ges.diagnose.decide.contradicted import (
+    contradicted_parameters,
+    corrected_numbers,
+    excused_effects,
+)
 from ges.diagnose.decide.explanation import Explanation, without_idle_rivals
 from ges.diagnose.decide.rules import (
     RuleContext,
@@ -80,6 +84,14 @@ def test_what_stands_at_a_bound_of_the_library_is_no_wrong_number():
     """Something else drives it there, the other numbers of its effect, too."""
     assert _declared({"inertia.yy": 3.0}) == [] and _declared({"inertia.yy": -0.7}) == []
     assert len(_declared({"inertia.yy": 2.9})) == 1
+
+
+def test_what_fell_in_a_full_fit_is_no_fault_of_the_file():
+    record = DecisionLog()
+    record.note("inertia", Decision("significant_when_fitted", False, "xx stands at its bound"))
+    record.note("thrust_scale", Decision("significant_when_fitted", True, "9 sds from neutral"))
+    record.note("motor_lag", Decision("probable", False, "posterior probability 0.1"))
+    assert excused_effects(("wind",), record) == {"wind", "inertia"}
 
 
 def _structure(channel="force_z", share=0.02, r2=0.5, **more):

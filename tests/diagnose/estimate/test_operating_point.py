@@ -35,9 +35,9 @@ def _fly_motors(top_rad_s, bend, noise_rad_s=1.0):
     return flight.replace(columns={**kept, **columns})
 
 
-def _found(flight):
+def _found(flight, speed_sd_rad_s=300.0):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
-    sds = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
+    sds = {SPEED: speed_sd_rad_s, BEND: 0.3, **dict.fromkeys(late, 0.0)}
     declared = dataclasses.replace(MODEL, prior_sds=sds)
     system = build([flight], declared, [])
     assert system.main == ("drive_1", "drive_2", "drive_3", "drive_4")
@@ -52,6 +52,10 @@ def test_numbers_that_multiply_each_other_are_found_beyond_the_linear_step():
     found = _found(_fly_motors(1800.0, 0.9))
     assert found[SPEED] == pytest.approx(800.0, abs=25.0)
     assert found[BEND] == pytest.approx(0.9, abs=0.05)
+
+
+def test_a_number_beyond_its_prior_is_left_to_the_search():
+    assert set(_found(_fly_motors(1800.0, 0.9), speed_sd_rad_s=150.0)) == {BEND}
 
 
 def test_quiet_sensors_tell_the_error_of_a_step_that_gains_nearly_all():

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection
 
+from ges.diagnose.decide.rules import SIGNIFICANT
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System, nuisance_of
 from ges.diagnose.estimate.fit import JointFit, correction_bounds
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
+from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED, Model
 from ges.simulator import effects as effect_table
@@ -76,6 +78,26 @@ class Contradicted:
             f"The vehicle file is wrong about {corrected_numbers(self.key)}: these flights need"
             f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its prior sd."
         )
+
+
+def excused_effects(open_names: Collection[str], record: DecisionLog) -> set[str]:
+    """Return effects whose nominal parameters may move for reasons that are not the file's.
+
+    An open cause may move the numbers that it is confused with. A name that fell when it was fitted
+    in full is no more of a fault as a number of the file.
+
+    Parameters
+    ----------
+    open_names : names that are open, and effects that they can move.
+    record : of all decisions.
+    """
+    fell = {
+        name
+        for name in record.names
+        for d in record.of(name)
+        if d.rule == SIGNIFICANT and not d.passed
+    }
+    return {*open_names, *fell}
 
 
 def contradicted_parameters(

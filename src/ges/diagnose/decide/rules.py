@@ -29,6 +29,8 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.simulator import effects as effect_table
 
+SIGNIFICANT = "significant_when_fitted"
+
 
 @dataclasses.dataclass(frozen=True)
 class RuleContext:
@@ -317,7 +319,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
     Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
     free. It must also be beyond its prior, and no amplitude at a bound. A wind must blow at all.
     """
-    effect, rule = effect_table.get(name), "significant_when_fitted"
+    effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
         speed_m_s = wind_speed_m_s(fitted.regression.system, name, fitted.effects[name])
         still_m_s = settings.decide.still_air_m_s

@@ -55,7 +55,9 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
         cost = _cost(regression, {})
         if cost - joint.cost < settings.statistics.least_gain * cost:
             break
-    return corrections
+    # a number beyond its prior is no correction: the search tells what it is, from the file
+    most = settings.statistics.certain_sds
+    return {k: v for k, v in corrections.items() if abs(v) <= most * _prior_sd(regression, k)}
 
 
 def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
@@ -130,6 +132,12 @@ def _step(regression: Regression, joint: JointFit) -> dict[str, float]:
     """Return the step from the present corrections to the optimum of the linearisation."""
     corrections = regression.system.model.corrections
     return {key: value - corrections.get(key, 0.0) for key, value in joint.common.items()}
+
+
+def _prior_sd(regression: Regression, key: str) -> float:
+    """Return the prior sd of a nuisance, ``effect.parameter``."""
+    system = regression.system
+    return nuisance_of(system.columns[system.nuisances[key]]).sd
 
 
 def _stopped_at_bound(regression: Regression, joint: JointFit) -> bool:
