@@ -6,11 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ges.diagnose.decide import rules
-from ges.diagnose.decide.explanation import practically_significant
+from ges.diagnose.decide import explanation, rules
+from ges.diagnose.decide.accept import Accepted
+from ges.diagnose.decide.explanation import Explanation, practically_significant
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
+    amplitudes_at_bounds,
     apply_rules,
     distinguishable,
     has_its_prerequisite,
@@ -264,3 +266,39 @@ def test_a_vehicle_of_unknown_attitude_may_lean_by_anything():
         for f in (hovering(), leaning, hovering(q_w=None, q_x=None, q_y=None, q_z=None))
     )
     assert level == 0.0 and rolled == pytest.approx(np.sin(0.2)) and unknown == np.inf
+
+
+@pytest.mark.parametrize(("tau_s", "at_bound"), [(0.0, False), (0.4, False), (1.0, True)])
+def test_what_stands_at_a_bound_and_is_not_neutral_is_a_form_error(tau_s, at_bound):
+    free = (("rangefinder_lag", "tau_s"),)
+    fitted = Fitted(
+        {"rangefinder_lag": {"tau_s": tau_s}}, free, 1e-6 * np.eye(1), None, None, BOARD
+    )
+    assert amplitudes_at_bounds(fitted) == (set(free) if at_bound else set())
+
+
+@pytest.mark.parametrize(("size", "bounds", "open_still"), [(0.0, 0, 0), (0.1, 0, 1), (0.1, 1, 0)])
+def test_nothing_is_open_where_all_stand_at_bounds_or_make_nothing(
+    monkeypatch, size, bounds, open_still
+):
+    """Healthy hovers: one of two lags, one at its bound and one of no size, was open."""
+    accepted = SimpleNamespace(rivals=("motor_lag", "esc_delay"), alternatives={"motor_lag": None})
+    fitted = SimpleNamespace(regression=SimpleNamespace(system=None))
+    told = Explanation(
+        Accepted((), None, None, None, {}, ("motor_lag", "esc_delay")), None, None, [], {}
+    )
+    accepted.alternatives = {"motor_lag": fitted}
+    monkeypatch.setattr(explanation, "fit_alternatives", lambda *_: accepted)
+    monkeypatch.setattr(
+        explanation, "amplitudes_at_bounds", lambda _: {("motor_lag", "up_s")} if bounds else set()
+    )
+    monkeypatch.setattr(explanation, "contributions", lambda *_: {"motor_lag": None})
+    monkeypatch.setattr(
+        explanation,
+        "size_of_contribution",
+        lambda *_: {"channel": "force_z", "share_of_weight": size},
+    )
+    last = SimpleNamespace(structures=[], last=SimpleNamespace(model=MODEL), accepted=accepted)
+    monkeypatch.setattr(explanation, "explanation_of", lambda *_: last)
+    found, _ = explanation.refit_with_open_names(told, [], None, MODEL, None, DecisionLog())
+    assert len(found.accepted.rivals) == (2 if open_still else 0)

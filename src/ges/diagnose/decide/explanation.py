@@ -14,12 +14,13 @@ from ges.diagnose.decide.accept import (
     fit_alternatives,
     fit_causes,
 )
+from ges.diagnose.decide.rules import amplitudes_at_bounds
 from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
-from ges.diagnose.estimate.contributions import contributions
+from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Stage, Start, make_stage
@@ -173,16 +174,33 @@ def refit_with_open_names(
 
     Returns
     -------
-    The explanation and the unexplained structures.
+    The explanation and the unexplained structures. Nothing is open where each of the names stands
+    at a bound, or makes less than what matters.
     """
     if balance:
         accepted = fit_causes(explanation.accepted, balance.effects())
     elif explanation.accepted.rivals:
         accepted = fit_alternatives(explanation.accepted, record)
+        if not any(_matters(accepted, name, nominal, record) for name in accepted.alternatives):
+            for name in accepted.alternatives:
+                because = "each that is open stands at a bound, or makes less than what matters"
+                record.note(name, Decision("open", False, because))
+            without = dataclasses.replace(explanation.accepted, rivals=(), contested=frozenset())
+            return dataclasses.replace(explanation, accepted=without), unexplained
     else:
         return explanation, unexplained
     refitted = explanation_of(accepted, explanation.gusts, start, nominal)
     return refitted, unexplained_structures(refitted.structures, refitted.last.model)
+
+
+def _matters(accepted: Accepted, name: str, nominal: Model, record: DecisionLog) -> bool:
+    """Return whether an open name makes what matters, and is off its bounds."""
+    fitted = accepted.alternatives[name]
+    if any(effect == name for effect, _ in amplitudes_at_bounds(fitted)):
+        return False
+    (made,) = contributions(fitted, (name,), nominal).values()
+    size = size_of_contribution(made, fitted.regression.system)
+    return practically_significant(name, size, nominal, record)
 
 
 def practically_significant(name: str, size: Mapping, model: Model, record: DecisionLog) -> bool:

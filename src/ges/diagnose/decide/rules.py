@@ -325,12 +325,11 @@ def significant(fitted: Fitted, name: str) -> Decision:
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
-    least, farthest = settings.statistics.clear_sds, 0.0
+    least, farthest, bounded = settings.statistics.clear_sds, 0.0, amplitudes_at_bounds(fitted)
     priors = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
-        # the flights ask for more than the effect can be: something else is behind it
-        if value != a.neutral and value in (a.low, a.high):
+        if (name, parameter) in bounded:
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
@@ -341,6 +340,24 @@ def significant(fitted: Fitted, name: str) -> Decision:
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
+
+
+def amplitudes_at_bounds(fitted: Fitted) -> set[tuple[str, str]]:
+    """Return fitted amplitudes that stand at a bound of the library, by effect and parameter.
+
+    The flights ask for more than the effect can be: something else is behind it.
+
+    Parameters
+    ----------
+    fitted : the fit.
+    """
+    return {
+        (e, p)
+        for e, p in fitted.free
+        if p not in effect_table.get(e).shapes
+        for a in [amplitude_of(e, p)]
+        if fitted.effects[e][p] != a.neutral and fitted.effects[e][p] in (a.low, a.high)
+    }
 
 
 def differs_from_neutral(fitted: Fitted, name: str) -> bool:
