@@ -219,8 +219,8 @@ def _commanded(held: bool, late_s: float = 0.0):
 
 
 def test_how_long_commands_are_held_shows_in_the_speeds_beside_them():
-    assert estimate_command_hold([_commanded(held=False)] * 2) == CommandHold(0.0, 0.1)
-    assert estimate_command_hold([_commanded(held=True)] * 2) == CommandHold(0.5, 0.1)
+    assert estimate_command_hold([_commanded(held=False)] * 2) == CommandHold(0.0, 0.0)
+    assert estimate_command_hold([_commanded(held=True)] * 2) == CommandHold(0.5, 0.0)
 
 
 def test_what_is_late_or_not_logged_leaves_open_how_long_commands_are_held():

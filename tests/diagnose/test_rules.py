@@ -205,7 +205,7 @@ def test_what_makes_less_than_no_model_is_right_to_does_not_matter():
         size = {"channel": channel, "share_of_weight": share}
         return practically_significant(name, size, MODEL, DecisionLog())
 
-    least = settings.decide.least_force_share
+    least = settings.decide.least_thrust_share
     assert matters("ground_effect", "force_z", least)
     assert not matters("ground_effect", "force_z", 0.9 * least)
     assert not matters("ground_effect", "", 1.0)

@@ -9,14 +9,18 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextvars import ContextVar
 from typing import Any, cast, get_type_hints
 
 import pydantic
+from scipy.special import fdtri, ndtri
 
+from ges.conventions import QUANTILES_95
 from ges.errors import UsageError, unknown_name
+from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,6 +159,12 @@ def probability(value: float, meaning: str, source: Source) -> Any:
 RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
 
 
+@functools.cache
+def _nominal_parameter_count() -> int:
+    """Return how many parameters of the library have a prior."""
+    return sum(p.prior is not None for e in effect_table.table().values() for p in e.parameters)
+
+
 @dataclasses.dataclass(frozen=True)
 class StatisticsSettings:
     """Levels of certainty that all stages share."""
@@ -175,27 +185,6 @@ class StatisticsSettings:
         "Chance at which flights without any fault show a structure, or a shifted balance.",
         Convention("one in a hundred for each of two tests; not measured against other levels"),
     )
-    suggestive_sds: float = number(
-        2.0,
-        "sds",
-        "Deviation that is worth looking at, and within which a nominal parameter is no finding.",
-        Convention("the 95 % interval of a Gaussian"),
-    )
-    clear_sds: float = number(
-        3.0,
-        "sds",
-        "Deviation of a fitted effect, a gust or a calibrated number that counts.",
-        Convention("one in 370 of Gaussian errors"),
-    )
-    certain_sds: float = number(
-        4.0,
-        "sds",
-        "Deviation from which a delay, an offset or a nominal parameter is no chance.",
-        Convention(
-            "one in 16,000 of honest prior sds, so that one of ten numbers is called in fewer than"
-            " one of a thousand vehicles"
-        ),
-    )
     least_gain: float = number(
         0.02,
         "",
@@ -208,13 +197,6 @@ class StatisticsSettings:
         "Quantile that stands for the least of a signal, its complement for the most.",
         Convention("no single sample"),
         high=0.5,
-    )
-    flights_ratio: float = number(
-        3.0,
-        "",
-        "Rms of one flight over that of others from which they differ by more than flights do.",
-        Convention("root of the 95 % point of F for three and three degrees of freedom, 3.05"),
-        low=1.0,
     )
     ridge_windows: float = number(
         3.0,
@@ -255,6 +237,25 @@ class StatisticsSettings:
     def certain_log_odds(self) -> float:
         """Log odds of what is as good as certain."""
         return math.log(self.certain_probability / (1.0 - self.certain_probability))
+
+    @property
+    def flights_ratio(self) -> float:
+        """Rms of one flight over that of others which chance exceeds in one of twenty.
+
+        Each is known from as many independent parts as there are folds.
+        """
+        free = self.folds - 1
+        return math.sqrt(float(fdtri(free, free, 1.0 - 2.0 * QUANTILES_95[0])))
+
+    @property
+    def clear_sds(self) -> float:
+        """Deviation of a Gaussian, to either side, that is as good as certainly no chance."""
+        return -float(ndtri(0.5 * (1.0 - self.certain_probability)))
+
+    @property
+    def certain_sds(self) -> float:
+        """The same of any nominal parameter of the library (Bonferroni's bound for all of them)."""
+        return -float(ndtri(0.5 * (1.0 - self.certain_probability) / _nominal_parameter_count()))
 
     @property
     def possible_probability(self) -> float:
@@ -343,21 +344,16 @@ class PrepareSettings:
         ),
         high=BELOW_ONE,
     )
-    rest_tolerance_m: float = number(
-        0.1,
-        "m",
-        "How much lower than its rest a vehicle may be.",
-        Convention("a table's edge is higher (commit 3919f64)"),
-    )
-    descent_height_m: float = number(
+    near_ground_m: float = number(
         0.3,
         "m",
-        "Height over rest that is well above the ground.",
+        "Height over rest that is well above the ground: a descent there is flight, and no blow"
+        " happens; what goes as far below its rest has left a table.",
         Measured(
             "a tenth counts 1.4 s of a landing as flight; there the error is 2.7 N",
             "no concealed case: flight NO_COMPENSATION_V_050 of appius-ground-effect",
             "6966152",
-            "ges diagnose FLIGHTS --set prepare.descent_height_m=0.1",
+            "ges diagnose FLIGHTS --set prepare.near_ground_m=0.1",
         ),
     )
     pause_s: float = number(
@@ -372,9 +368,6 @@ class PrepareSettings:
             "ges blind make --seed 29 --grid full --out DIR && "
             + RUN.replace("KEY=VALUE", "prepare.pause_s=0.25"),
         ),
-    )
-    blow_height_radii: float = number(
-        2.0, "radii", "Blows happen below this height.", Convention("not measured")
     )
     height_error_m: float = number(
         0.02,
@@ -403,26 +396,6 @@ class PrepareSettings:
     )
     gyro_bias_least_sd_rad_s: float = number(
         0.0025, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
-    )
-    hold_probability: float = probability(
-        0.25,
-        "Probability that a controller holds its command until the next row of the log.",
-        Convention("most controllers run faster than their logs"),
-    )
-    at_once_share: float = number(
-        0.1,
-        "",
-        "Response in its own row over that a row later, of a command that acts at once; and sd"
-        " in rows on how late one acts.",
-        Convention("not measured"),
-        high=1.0,
-    )
-    clear_correlation: float = number(
-        0.3,
-        "",
-        "Correlation of two streams from which their delay is clear.",
-        Convention("near a third; not measured"),
-        high=1.0,
     )
     slow_Hz: float = number(
         0.3,
@@ -465,7 +438,7 @@ class LibrarySettings:
         36,
         "",
         "Most places over which something is looked for.",
-        Convention("another vehicle is found on a plan so fine (commit 0eb6715); more cost time"),
+        Numerical("limits time; doubled and halved, no answer of 11 sets changes"),
         low=1,
     )
     edge_slope: float = number(
@@ -500,15 +473,6 @@ class DesignSettings:
     half_waves_most: int = number(
         3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
     )
-    second_pole_share: float = number(
-        0.144,
-        "",
-        "Sd of the delay that a motor's second pole looks like, over its lag.",
-        Paper(
-            "Skogestad 2003, J. Process Control 13, 291",
-            "half rule: half of a pole that has between none and half of the lag, root mean square",
-        ),
-    )
     instruments: bool = number(
         True, "", "Whether references serve as instruments.", Convention("off in an ablation")
     )
@@ -528,16 +492,6 @@ class DesignSettings:
             "9b8a121",
             RUN.replace("KEY=VALUE", "design.response_slowest_s=5"),
         ),
-    )
-    instrument_strength_least: float = number(
-        0.3,
-        "",
-        "Share of a signal that its instruments predict, from which they are strong.",
-        Convention(
-            "weaker instruments err as plain regression does (Bound, Jaeger and Baker 1995,"
-            " JASA 90, 443)"
-        ),
-        high=1.0,
     )
 
     @property
@@ -571,7 +525,10 @@ class NoiseSettings:
         low=1,
     )
     least_share: float = number(
-        1e-5, "", "Least noise, of weight and its like.", Convention("no recording is better")
+        1e-5,
+        "",
+        "Least noise, of weight and its like.",
+        Numerical("no recording is better; doubled and halved, no answer of 11 sets changes"),
     )
     growths: tuple[float, ...] = number(
         (0.0, 0.1, 0.3, 1.0, 3.0),
@@ -579,12 +536,6 @@ class NoiseSettings:
         "Growths of the noise's variance with covariate that are tried.",
         Numerical("half a decade apart"),
         low=0.0,
-    )
-    feedback_correlation_sd: float = number(
-        0.7,
-        "",
-        "Sd of the correlation between a column and the disturbance that the controller answers.",
-        Convention("anything between -1 and 1; not measured"),
     )
 
 
@@ -624,18 +575,11 @@ class EvidenceSettings:
 class SearchSettings:
     """Which sets of candidates are compared, and their prior probabilities."""
 
-    size_probabilities: tuple[float, ...] = number(
-        (0.5, 0.3, 0.13, 0.05, 0.02),
-        "",
-        "Prior probability of none, one, two ... causes; the largest set has one less than these.",
-        Convention("every further cause is a third as likely; not measured"),
-        high=1.0,
-    )
     beam: int = number(
         3,
         "",
         "How many of the best are followed: sets that grow, hidden effects, rivals that are flown.",
-        Convention("not measured"),
+        Numerical("limits time; of 2 and of 6, no answer of 11 sets changes"),
         low=1,
     )
     log_odds_offset: float = number(
@@ -691,7 +635,7 @@ class EstimateSettings:
         0.3,
         "usual size",
         "Least size of a prerequisite, by which the size of what needs it is divided.",
-        Convention("near a third: no quotient beyond bounds; not measured"),
+        Numerical("no quotient beyond bounds; doubled and halved, no answer of 11 sets changes"),
         high=1.0,
     )
 
@@ -713,13 +657,6 @@ class DetectSettings:
         low=1.0,
     )
     gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
-    leaning_share: float = number(
-        0.3,
-        "",
-        "Horizontal force over the pull of a load, below which the load may make it by leaning.",
-        Convention("a lean of 17 degrees; not measured"),
-        high=1.0,
-    )
     load_levels: int = number(
         13,
         "",
@@ -755,24 +692,11 @@ class LocateSettings:
         Convention("near a third; not measured"),
         high=1.0,
     )
-    large_r2: float = number(
-        0.3,
-        "",
-        "Share of a channel's variance, predicted by a regime of flight, from which it is large.",
-        Convention("near a third; not measured"),
-        high=1.0,
-    )
-    contribution_share: float = number(
-        0.3,
-        "",
-        "Rms of an effect's contribution over that of the residual, from which it shows.",
-        Convention("near a third: a tenth of the variance; not measured"),
-        high=1.0,
-    )
     r2_least: float = number(
         0.1,
         "",
-        "Least share of a channel's variance that a regime predicts.",
+        "Least share of a channel's variance that a regime predicts, and of that of the residual"
+        " where a finding is told to act.",
         Measured(
             "none of 257 nulls is so noisy over places, 6 of 86 effects outside of the library are",
             "development seeds",
@@ -794,30 +718,14 @@ class DecideSettings:
         Convention("no form is perfect; not measured"),
         low=1.0,
     )
-    law_cover: float = number(
-        0.3,
-        "",
-        "Spread of a residual over that of a law, below which trims cancel the law in flight.",
-        Convention("near a third; not measured"),
-        high=1.0,
-    )
     still_air_m_s: float = number(
         0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")
     )
-    least_force_share: float = number(
-        0.002, "weight", "Least force.", Convention("no model is right to less; not measured")
-    )
-    least_moment_share: float = number(
-        0.0005,
-        "weight times arm",
-        "Least moment.",
+    least_thrust_share: float = number(
+        0.002,
+        "",
+        "Least error of a thrust that matters, over it; forces, moments and speeds follow.",
         Convention("no model is right to less; not measured"),
-    )
-    least_drive_share: float = number(
-        0.0003,
-        "full speed",
-        "Least change of a rotor's speed.",
-        Convention("commit c0e99ad; not measured"),
     )
 
 
@@ -877,14 +785,6 @@ class CalibrateSettings:
         "",
         "The same within a session, over that, and from rotor speeds, over that from commands.",
         Convention("small quadrotors (CrazyPAD): 0.5 % within a session, 2 % between"),
-    )
-    spread_freedom: float = number(
-        4.0,
-        "degrees of freedom",
-        "What the usual spread is worth.",
-        Convention(
-            "pooled with the flights' own (Gelman et al. 2013, Bayesian Data Analysis, 2.6)"
-        ),
     )
     spread_factor_most: float = number(
         20.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")

@@ -77,7 +77,7 @@ def test_no_smaller_size_is_detectable_than_what_matters():
     quiet = smallest_detectable(_regression(noise=1e-6))["tether"]["smallest"]
     regression = _regression(noise=1e-6)
     rms = np.sqrt(np.mean([np.mean(r.x.of(0, [1]) ** 2) for r in regression.system.flights]))
-    least = settings.decide.least_force_share * regression.system.model.weight_N
+    least = settings.decide.least_thrust_share * regression.system.model.weight_N
     assert quiet == pytest.approx(least / rms)
 
 

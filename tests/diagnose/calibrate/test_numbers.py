@@ -118,13 +118,13 @@ def test_single_flights_of_several_days_tell_nothing_of_one_day():
 
 
 def test_spreads_are_pooled_by_their_degrees_of_freedom():
-    worth = settings.calibrate.spread_freedom
-    alone = module._pool(2.0, 0.0, 0.5)
+    worth = 4.0
+    alone = module._pool(2.0, 0.0, 0.5, worth)
     assert alone.pooled == pytest.approx(0.5) and alone.freedom == worth
-    many = module._pool(2.0, 1e9, 0.5)
+    many = module._pool(2.0, 1e9, 0.5, worth)
     assert many.pooled == pytest.approx(2.0, rel=1e-6)
     assert many.later_sd == pytest.approx(2.0, rel=1e-4), "no Student's tail of so many"
-    assert module._pool(2.0, worth, 0.0).pooled == pytest.approx(np.sqrt(2.0))
+    assert module._pool(2.0, worth, 0.0, worth).pooled == pytest.approx(np.sqrt(2.0))
     assert alone.later_sd > 1.2 * alone.pooled
 
 

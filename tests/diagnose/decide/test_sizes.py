@@ -37,11 +37,10 @@ NAMES = ("force_x", "acc_x", "moment_y", "drive_1", "range")
 
 
 def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
-    s, told = settings.decide, least_sizes(system_of(NAMES, (), ()))
-    force = s.least_force_share * MODEL.weight_N
-    moment = s.least_moment_share * MODEL.weight_N * MODEL.arm_m
+    share, told = settings.decide.least_thrust_share, least_sizes(system_of(NAMES, (), ()))
+    force, moment = share * MODEL.weight_N, share * MODEL.weight_N / 4.0 * MODEL.arm_m
     np.testing.assert_allclose(
-        told, [force, force, moment, s.least_drive_share * 1000.0, settings.prepare.height_error_m]
+        told, [force, force, moment, 0.5 * share * 1000.0, settings.prepare.height_error_m]
     )
 
 

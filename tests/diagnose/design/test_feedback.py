@@ -7,6 +7,7 @@ import pytest
 
 from ges.diagnose.design.feedback import (
     FlightInstruments,
+    _are_strong,
     endogenous_parts,
     feedback_of,
     flight_instruments,
@@ -17,7 +18,6 @@ from ges.diagnose.design.feedback import (
 )
 from ges.diagnose.design.instruments import directions
 from ges.diagnose.design.table import table_of
-from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, hovering, windows_of
 
@@ -29,10 +29,8 @@ AIR = np.ones(COUNT, bool)
 
 def _told(names, strong=0.0, z=None):
     """What instruments say: nothing, or as ``strong`` as given by the columns ``z`` (m, k)."""
-    spanned = np.zeros((COUNT, 0)) if z is None else directions(z)
-    return FlightInstruments(
-        dict.fromkeys(names, spanned), dict.fromkeys(names, THRUST), {n: strong for n in names}
-    )
+    spanned = {} if z is None else dict.fromkeys(names, directions(z))
+    return FlightInstruments(spanned, dict.fromkeys(names, THRUST), dict.fromkeys(names, strong))
 
 
 def _endogenous(keys, names, columns, told=None, air=AIR, **more):
@@ -66,13 +64,20 @@ def test_strong_instruments_vouch_for_what_they_explain():
     assert np.corrcoef(left, rest)[0, 1] > 0.99
 
 
-@pytest.mark.parametrize("above", [-0.01, 0.01])
-def test_weak_instruments_vouch_for_nothing(above):
+def test_weak_instruments_vouch_for_nothing():
     known, names = np.sin(0.5 * T), ("moment_y",)
-    strong = settings.design.instrument_strength_least + above
-    told = _told(names, strong, known[:, None])
-    (part,) = _endogenous(("motor_lag.up_s",), names, [known], told).values()
-    assert (np.abs(part["motor_lag.up_s"]).max() < 1e-9) == (above > 0.0)
+    for z, left in ((known[:, None], 0.0), (None, 1.0)):
+        (part,) = _endogenous(("motor_lag.up_s",), names, [known], _told(names, 0.5, z)).values()
+        assert np.abs(part["motor_lag.up_s"]).max() == pytest.approx(left, abs=1e-2)
+
+
+def test_instruments_are_strong_by_their_f_statistic():
+    """Of one, and 102 windows of which every second is independent, F is 50 s / (1 - s)."""
+    one = directions(np.sin(np.arange(102.0))[:, None])
+    strong = 10.0 / 60.0
+    assert _are_strong(strong + 0.01, one) and not _are_strong(strong - 0.01, one)
+    many = directions(np.random.default_rng(0).standard_normal((102, 20)))
+    assert not _are_strong(0.5, many), "many predict much by chance"
 
 
 def test_of_a_gain_what_it_does_by_fast_changes_of_thrust_is_loose():
@@ -135,15 +140,15 @@ def test_new_parts_replace_known_ones_and_a_cushion_that_is_on_keeps_none_of_ano
 
 
 def test_strengths_are_means_over_the_flights_that_heard_a_channel():
-    least = settings.design.instrument_strength_least
-    one = FlightInstruments({}, {}, {"force_z": least + 0.2, "moment_x": 0.1})
-    two = FlightInstruments({}, {}, {"force_z": least - 0.2})
+    strong = {"force_z": directions(THRUST[:, None])}
+    one = FlightInstruments(strong, {}, {"force_z": 0.5, "moment_x": 0.1})
+    two = FlightInstruments({}, {}, {"force_z": 0.1})
     told = {
         s["channel"]: s
         for s in instrument_strengths([one, two], ("force_z", "moment_x", "moment_y"))
     }
     assert set(told) == {"force_z", "moment_x"}
-    assert told["force_z"]["share"] == pytest.approx(least)
+    assert told["force_z"]["share"] == pytest.approx(0.3)
     assert (told["force_z"]["flights_strong"], told["force_z"]["flights"]) == (1, 2)
     assert (told["moment_x"]["flights_strong"], told["moment_x"]["flights"]) == (0, 1)
 

@@ -210,7 +210,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)
     parts = [w.parts[0] for w in whites]
     answers = [part.feedback_errors[:, 0] for part in parts]
-    sd = settings.noise.feedback_correlation_sd
+    sd = 1.0 / np.sqrt(3.0)
     for part, answer in zip(parts, answers, strict=True):
         share = answer / part.of([0])[:, 0]
         assert np.ptp(share) < 1e-9
@@ -219,7 +219,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
 
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
-    part, sd = white_part([0], np.ones(3), np.ones((3, 1))), settings.noise.feedback_correlation_sd
+    part, sd = white_part([0], np.ones(3), np.ones((3, 1))), 1.0 / np.sqrt(3.0)
     one, two = (FeedbackErrors((np.ones(3),), np.array([b]), 1.0 / sd) for b in (1.0, 2.0))
     both = part.with_feedback_errors(one).with_feedback_errors(two)
     np.testing.assert_allclose(both.feedback_errors, [[1.0, 2.0]] * 3)

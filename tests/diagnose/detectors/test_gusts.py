@@ -19,7 +19,6 @@ from ges.diagnose.detectors.gusts import (
 )
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.prepare.channels import ACC, FORCE
-from ges.diagnose.settings import settings
 
 from ..synthetic import MODEL, hovering, system_of
 
@@ -131,12 +130,11 @@ def test_a_strength_is_known_by_a_factor():
     assert told.parameters["wind_20ft_m_s"].value == 5.0
 
 
-def test_what_hangs_below_may_lean_to_push_by_a_share_of_its_pull():
+def test_what_hangs_below_may_lean_to_push_by_all_of_its_pull():
     system = system_of(("force_x", "force_y", "force_z"), (), ())
     pull = [np.tile([0.0, 0.6, 0.8], (10, 1))]
-    share = settings.detect.leaning_share
-    assert load_may_push(0.9 * share, {"slung_load": pull}, system)
-    assert not load_may_push(1.1 * share, {"slung_load": pull}, system)
+    assert load_may_push(0.9, {"slung_load": pull}, system)
+    assert not load_may_push(1.1, {"slung_load": pull}, system)
     assert not load_may_push(0.1, {"rotor_drag": pull}, system), "it does not hang"
     assert not load_may_push(0.1, {}, system)
 

@@ -200,8 +200,8 @@ def test_a_flight_knows_its_streams_and_what_was_left_out():
 
 
 def test_a_command_that_may_be_held_is_late_by_the_mean_of_both_and_as_doubtful():
-    held, p = default_command_hold(), settings.prepare.hold_probability
-    draws = np.where(np.random.default_rng(0).random(200_000) < p, 0.5, 0.0)
+    held = default_command_hold()
+    draws = np.where(np.random.default_rng(0).random(200_000) < 0.5, 0.5, 0.0)
     assert held.delay_rows == pytest.approx(draws.mean(), abs=3e-3)
     assert held.sd_rows == pytest.approx(draws.std(), abs=3e-3)
 

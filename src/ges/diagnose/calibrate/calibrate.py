@@ -488,19 +488,26 @@ def _fit_spreads(balance: _Trims, start: np.ndarray, usual: float) -> _Spreads:
     freedom = balances * (flights - len(sessions))
     # flights first, sessions held at their usual spread
     within = _pool(
-        most_likely(None, usual if several else 0.0) if freedom else np.nan, freedom, alike
+        most_likely(None, usual if several else 0.0) if freedom else np.nan,
+        freedom,
+        alike,
+        balances,
     )
     if not several:
-        return within, _Spread(np.nan, 0.0, settings.calibrate.spread_freedom)
+        return within, _Spread(np.nan, 0.0, balances)
     # then sessions, given by how much flights differ
     between = most_likely(within.pooled, None)
-    return within, _pool(between, balances * (len(sessions) - 1), usual)
+    return within, _pool(between, balances * (len(sessions) - 1), usual, balances)
 
 
-def _pool(estimate: float, freedom: float, usual: float) -> _Spread:
-    """Return the estimated and the usual spread, weighted by their degrees of freedom."""
+def _pool(estimate: float, freedom: float, usual: float, worth: float) -> _Spread:
+    """Return the estimated and the usual spread, weighted by their degrees of freedom.
+
+    The usual one is worth one flight: its ``worth`` is the number of balances (Kass and Wasserman
+    1995, JASA 90, 928, unit information).
+    """
     # scaled inverse chi-squared: (n s^2 + n0 s0^2) / (n + n0); no freedom, no word (s is nan)
-    worth = settings.calibrate.spread_freedom
+    # (Gelman et al. 2013, Bayesian Data Analysis, 2.6)
     total = freedom + worth
     own = freedom * estimate**2 if freedom else 0.0
     return _Spread(estimate, float(np.sqrt((own + worth * usual**2) / total)), total)

@@ -183,7 +183,7 @@ def _matters(term: Term, fitted: Fitted) -> bool:
 def _overdone(
     forms: Mapping[str, tuple[SparseForm, Structure]], fitted: Fitted, explanation: Explanation
 ) -> set[str]:
-    """Return channels in which a law moves more within flights than the residual did.
+    """Return channels in which a law leaves more within flights than there was without it.
 
     Free trims cancel it in these flights, and would not in others.
     """
@@ -193,10 +193,9 @@ def _overdone(
         at = main.index(structure.channel)
         contribution = [a[:, at] for a in _law_contribution(channel, fitted, explanation)]
         residuals = [row[:, at] for row in explanation.last.residuals_in_air]
-        of_law, of_residual = (
-            math.hypot(*map(_spread, rows)) for rows in (contribution, residuals)
-        )
-        if settings.decide.law_cover * of_law > of_residual:
+        left = [e - added for e, added in zip(residuals, contribution, strict=True)]
+        without, with_law = (math.hypot(*map(_spread, rows)) for rows in (residuals, left))
+        if with_law > without:
             overdone.add(channel)
     return overdone
 

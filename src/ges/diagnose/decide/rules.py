@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ges.conventions import QUATERNION
+from ges.conventions import QUATERNION, SDS_95
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
@@ -333,9 +333,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
             return Decision(rule, False, f"{parameter} stands at its bound", value, value)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
-        is_beyond_prior = (
-            not prior or abs(deviation - prior.mean) > settings.statistics.suggestive_sds * prior.sd
-        )
+        is_beyond_prior = not prior or abs(deviation - prior.mean) > SDS_95 * prior.sd
         if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"

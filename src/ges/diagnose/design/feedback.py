@@ -187,7 +187,7 @@ def flight_instruments(
         if finite and (block_of(n) in ("moment", DRIVE) or n in VERTICAL)
     ]
     strength = {n: instrument_strength(signal[n], z[n], block) for n in shown}
-    spanned = {n: directions(z[n]) for n, share in strength.items() if _is_strong(share)}
+    spanned = {n: d for n in shown if _are_strong(strength[n], d := directions(z[n]))}
     return FlightInstruments(spanned, signal, strength)
 
 
@@ -208,7 +208,7 @@ def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[s
         {
             "channel": n,
             "share": float(np.mean(s)),
-            "flights_strong": sum(map(_is_strong, s)),
+            "flights_strong": sum(n in t.spanned for t in flights),
             "flights": len(s),
         }
         for n, s in by_channel.items()
@@ -216,9 +216,21 @@ def instrument_strengths(flights: Sequence[FlightInstruments], names: Sequence[s
     ]
 
 
-def _is_strong(share: float) -> bool:
-    """Return whether instruments predict enough of a signal."""
-    return share > settings.design.instrument_strength_least
+def _are_strong(share: float, spanned: np.ndarray) -> bool:
+    """Return whether instruments (m, r) predict enough of a signal.
+
+    Two-stage least squares err by about 1/F of what plain regression does. That is too much where
+    an acceptance would be wrong more rarely.
+
+    References
+    ----------
+    Staiger and Stock 1997, *Econometrica* 65, 557.
+    """
+    windows, directions_used = spanned.shape
+    # windows overlap by half: every second one is independent
+    free = 0.5 * windows - directions_used
+    f_statistic = share / max(1.0 - share, settings.numerics.tiny) * free / max(directions_used, 1)
+    return f_statistic * settings.statistics.possible_probability > 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -244,9 +256,8 @@ class _Channel:
         Their mean is subtracted where it counts in full.
         """
         rest = _without_mean(x) if mean_counts else x
-        if not _is_strong(self.instruments.strength[self.name]):
-            return rest
-        return rest - project(x, self.instruments.spanned[self.name])
+        spanned = self.instruments.spanned.get(self.name)
+        return rest if spanned is None else rest - project(x, spanned)
 
     def fast_remainder(self, x: np.ndarray) -> np.ndarray:
         """Return fast changes of columns (a, k) that instruments do not explain.

@@ -350,14 +350,19 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     """Return further sd of a drive's delay or lag.
 
     It covers how long a command was held, or for a lag the time between two rows. A motor's second
-    pole is included.
+    pole is included, of which half is delay and half is in the lag (half rule).
+
+    References
+    ----------
+    Skogestad 2003, *J. Process Control* 13, 291.
     """
     row_s = max((_slowest([f], ("command",)) for f in flights), default=0.0)
     # a shape within a row is not logged: uniform over it. How late a command comes is, in the mean
     rows = (
         max(f.command_hold.sd_rows for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
     )
-    pole = settings.design.second_pole_share * model.number("motor_time_constant_s")
+    # a second pole is no slower than the first: uniform between none and a third of the lag
+    pole = model.number("motor_time_constant_s") / 3.0 / math.sqrt(3.0)
     return math.hypot(rows * row_s, pole)
 
 

@@ -62,9 +62,10 @@ class FeedbackErrors:
         ----------
         innovation : (n, m) what whitens the channel.
         """
-        # (5) of docs/method.md: the correlation in sds of the noise, times the bound
+        # (5) of docs/method.md: the correlation in sds of the noise, times the bound. Nothing is
+        # known of it but that it lies between -1 and 1: uniform, of sd one over the root of three
         errors = innovation @ np.column_stack(self.unfiltered)
-        return errors * settings.noise.feedback_correlation_sd * self.bound * self.disturbance
+        return errors * self.bound * self.disturbance / math.sqrt(3.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -115,7 +115,7 @@ def load_may_push(
     axes = [c for c, name in enumerate(system.main) if name in FORCE]
     pulls = [np.concatenate(added[name])[:, axes] for name in HANGING if name in added]
     sizes_N = [float(np.sqrt(np.nanmean(pull**2, axis=0).sum())) for pull in pulls]
-    return any(force_N < settings.detect.leaning_share * size_N for size_N in sizes_N)
+    return any(force_N < size_N for size_N in sizes_N)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -567,7 +567,7 @@ def polish(
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
             # far from where its noise was measured, the fit goes on with that of the new place
-            if at.sds_to(first.values) < settings.statistics.suggestive_sds:
+            if at.sds_to(first.values) < SDS_95:
                 break
             first = None
     if at is None:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from ges.conventions import SDS_95
 from ges.diagnose.library.candidates import (
     Candidate,
     FlightEnvelope,
@@ -133,7 +134,7 @@ def _grid(
         sd = model.plane_sd_m
         # a nominal parameter that shapes the effect is tried across its prior sd, or taken as
         # certain
-        most = round(settings.statistics.suggestive_sds)
+        most = round(SDS_95)
         axes[search.across] = tuple(k * sd for k in range(-most, most + 1)) if sd > 0.0 else (0.0,)
     plain = tuple(
         _variant(

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import rotor_columns
+from ges.conventions import SDS_95, rotor_columns
 from ges.diagnose.design.residual import replay_model
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
-from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
+from ges.diagnose.locate.structure import Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Regression, contribution_of
@@ -127,15 +127,16 @@ def least_rms(block: str, whole: float) -> float:
     Returns
     -------
     Rms below which no model is right; infinite for other blocks.
+
+    Notes
+    -----
+    No thrust is right to less than a share: of all rotors in a force, of one of four in a moment.
+    Thrust goes as the square of a speed, which is right to half of that share.
     """
-    s = settings.decide
+    least = settings.decide.least_thrust_share
     if block == "range":
         return settings.prepare.height_error_m
-    shares = {
-        **dict.fromkeys(("force", "acc"), s.least_force_share),
-        "moment": s.least_moment_share,
-        "drive": s.least_drive_share,
-    }
+    shares = {"force": least, "acc": least, "moment": 0.25 * least, "drive": 0.5 * least}
     return shares.get(block, np.inf) * whole
 
 
@@ -165,17 +166,12 @@ def clear_structures(
     model : for reference scales, and structure that the calibration flights show.
     least_r2 : share of the variance, 0 to 1, that a structure must predict.
     margin : factor on the rms that it must reach.
-
-    Notes
-    -----
-    A structure of size must predict more, except over places: vibration and attitude noise grow
-    with speed in any flight.
     """
     likely = [
         s
         for s in structures
         if s.q_value <= settings.statistics.chance
-        and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
+        and s.r2 >= (settings.locate.r2_least if s.of_size else least_r2)
     ]
     return [s for s in likely if s.rms > _least_rms_of(s, model, margin)]
 
@@ -189,11 +185,6 @@ def reported_structures(structures: Sequence[Structure], model: Model) -> list[S
     model : as for :func:`clear_structures`.
     """
     return clear_structures(structures, model, settings.locate.r2_least)
-
-
-def _least_r2_of_size(s: Structure) -> float:
-    over_places = set(s.regime) <= set(PLACE)
-    return settings.locate.r2_least if over_places else settings.locate.large_r2
 
 
 def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
@@ -290,7 +281,7 @@ def _cells_of(
             mean,
             sd,
             x / total,
-            q if abs(mean) > settings.statistics.suggestive_sds * sd else 1.0,
+            q if abs(mean) > SDS_95 * sd else 1.0,
             n,
         )
         for (k, mean, sd, n), x in zip(rows, excess, strict=True)
@@ -404,9 +395,7 @@ def located_by_findings(
         contribution = np.concatenate(of_flights)
         for c, channel in enumerate(system.main):
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
-            if _rms(contribution[good, c]) > settings.locate.contribution_share * _rms(
-                noise[good, c]
-            ):
+            if _shows(contribution[good, c], noise[good, c]):
                 where = _most_affected_regime(
                     contribution[good, c], {n: v[good] for n, v in values.items()}
                 )
@@ -452,9 +441,7 @@ def located_by_open_names(
         contribution = contribution_of(h.posterior, set(h.names) - set(proven), regression.system)
         for c, channel in enumerate(system.main):
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
-            if _rms(contribution[good, c]) > settings.locate.contribution_share * _rms(
-                noise[good, c]
-            ):
+            if _shows(contribution[good, c], noise[good, c]):
                 # hypotheses exclude each other, so their probabilities add
                 chance[channel] = chance.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, contribution[:, c], np.nan))
@@ -473,8 +460,9 @@ def located_by_open_names(
     return entries
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+def _shows(contribution: np.ndarray, noise: np.ndarray) -> bool:
+    """Return whether a contribution (m,) has the least share of the noise's variance (m,)."""
+    return bool((contribution**2).sum() > settings.locate.r2_least * (noise**2).sum())
 
 
 def _most_affected_regime(a: np.ndarray, values: Mapping[str, np.ndarray]) -> dict:

@@ -21,10 +21,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse import csr_array
 
-from ges.conventions import MAX_ROTORS, rotor_columns
+from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.settings import settings
 
-PLACE = ("east_m", "north_m")
+PLACE, HEIGHT = ("east_m", "north_m"), "height_over_radius"
 RUNNING = frozenset({"time_s", "battery_V"})
 SPEEDS = ("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s")
 TOGETHER = (
@@ -161,7 +161,7 @@ def _least_spread(name: str, values: np.ndarray) -> float:
 
     A height has to vary by a large part of itself.
     """
-    if name == "height_over_radius":
+    if name == HEIGHT:
         return settings.locate.height_spread_least * float(np.median(values))
     spreads = name in (*SPEEDS, *PLACE)
     return settings.locate.spread_least if spreads else settings.numerics.tiny
@@ -334,10 +334,12 @@ def _size_structures(
     names: Sequence[str],
     blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    """Return the same test for the logarithm of the residuals' energy.
+    """Return the same test for the logarithm of the residuals' energy, over places and heights.
 
-    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime.
+    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime. Over
+    other regimes no size is tested: vibration and attitude noise grow with speed in any flight.
     """
+    places = [{name: t[name] for name in (*PLACE, HEIGHT) if name in t} for t in regimes]
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
     size = settings.design.response_windows
     energy = [
@@ -348,10 +350,8 @@ def _size_structures(
         np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
         for r, e in zip(residuals, energy, strict=True)
     ]
-    values = {
-        name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
-    }
-    structures = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
+    values = {name: np.concatenate([t[name] for t in places]) for name in shared_variables(places)}
+    structures = _mean_structures([without_mean(row) for row in logs], places, names, blocks)
     pooled = np.concatenate(energy)
     return [
         _as_size_structure(s, pooled[:, list(names).index(s.channel)], values) for s in structures
@@ -418,7 +418,7 @@ def _with_q_values(tested: Sequence[Structure], chance: np.ndarray) -> list[Stru
     q = np.array([(1.0 + float((largest >= v).sum())) / (1.0 + len(largest)) for v in every[:, 0]])
     for at, together in zip(groups, q[len(tested) :], strict=True):
         # only channels that lean that way themselves share in the chance of the sum
-        clear = [i for i in at if z[i, 0] > settings.statistics.suggestive_sds]
+        clear = [i for i in at if z[i, 0] > SDS_95]
         q[clear] = np.minimum(q[clear], together)
     return [
         dataclasses.replace(t, q_value=float(v))

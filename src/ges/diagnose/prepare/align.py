@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -83,11 +82,10 @@ def default_command_hold() -> CommandHold:
 
     Notes
     -----
-    They are held until the next row, half a row late on average, or not at all. Most controllers
-    run faster than their logs.
+    They are held until the next row, half a row late on average, or not at all: even odds, as
+    nothing favours either.
     """
-    chance = settings.prepare.hold_probability
-    return CommandHold(0.5 * chance, 0.5 * math.sqrt(chance * (1.0 - chance)))
+    return CommandHold(0.25, 0.25)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -483,7 +481,7 @@ def resting_m(flight: Prepared, working: np.ndarray, height_m: np.ndarray | None
     rest_m = min((float(np.median(height_m[end])) for end in ends), default=np.inf)
     # a low quantile and not the least: single readings of a height may be wrong
     lowest_m = float(np.quantile(height_m, settings.statistics.extreme_quantile))
-    return rest_m if rest_m < lowest_m + settings.prepare.rest_tolerance_m else np.inf
+    return rest_m if rest_m < lowest_m + settings.prepare.near_ground_m else np.inf
 
 
 def airborne(
@@ -511,7 +509,7 @@ def airborne(
     p = settings.prepare
     up = working > p.lifting_share
     if above_m is not None:
-        descending = (working > p.descent_share) & (above_m > p.descent_height_m)
+        descending = (working > p.descent_share) & (above_m > p.near_ground_m)
         up = (up & (above_m > p.height_error_m)) | descending
     # shorter than half the margin is a flicker about a threshold, no take-off and no landing
     size = 2 * int(0.5 * p.pause_s / flight.dt_s) + 1

@@ -160,7 +160,8 @@ def _combined_delay(
     sd = max(sd, _least_sd_s(together, lags_s))
     # the sd of what is rounded to the grid of lags (Sheppard 1898)
     least_sd_s = float(lags_s[1] - lags_s[0]) / math.sqrt(12.0)
-    clear = top > settings.prepare.clear_correlation
+    # of independent signals a correlation has a variance of one over the number of samples
+    clear = top * math.sqrt(together[3].max()) > settings.statistics.certain_sds
     return Delay(stream, delay, max(sd, least_sd_s), top) if clear else None
 
 
@@ -235,16 +236,14 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
     usable = [f for f in flights if f.drive_in_every_row]
     if not usable:
         return default_command_hold()
-    p = settings.prepare
     (now, then, after), sds = _responses(usable)
-    if now > max(settings.statistics.certain_sds * sds[0], p.at_once_share * then):
-        return CommandHold(0.0, p.at_once_share)
-    fades = (
-        then > settings.statistics.certain_sds * sds[1]
-        and max(abs(now), sds[0]) < p.at_once_share * then
-    )
+    # what moves within a row has half of its response there, what is held none: halfway between
+    least, certain_sds = 0.25 * then, settings.statistics.certain_sds
+    if now > max(certain_sds * sds[0], least):
+        return CommandHold(0.0, 0.0)
+    fades = then > certain_sds * sds[1] and max(abs(now), sds[0]) < least
     holds = fades and after < (1.0 - settings.statistics.least_gain) * then
-    return CommandHold(0.5, p.at_once_share) if holds else default_command_hold()
+    return CommandHold(0.5, 0.0) if holds else default_command_hold()
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
@@ -389,7 +388,7 @@ def _significant_slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.nda
 
     It is 0 where it may be chance.
     """
-    clear = correlation > settings.prepare.clear_correlation
+    clear = correlation > 0.0
     if clear.sum() < settings.statistics.folds:
         return 0.0
     x, y, free = t_s[clear], delay_s[clear], clear.sum() - 2

@@ -179,7 +179,7 @@ def impact_samples(gridded: _Gridded, model: Model) -> np.ndarray:
     impact = np.abs(force_m_s2 - median_filter(force_m_s2, size=size, mode="nearest"))
     # noise from the median: an rms would be swollen by the blows themselves
     usual = MAD_TO_SD * np.median(impact)
-    close = gridded.height_m < p.blow_height_radii * model.radius_m
+    close = gridded.height_m < p.near_ground_m
     hit = (impact > least_m_s2 + settings.statistics.certain_sds * usual) & close
     around = max(1, int(p.pause_s / flight.dt_s))
     return binary_dilation(hit, iterations=around) if hit.any() else hit

@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ges.conventions import SDS_95
 from ges.diagnose.report.blocks import error_rows, least_relevant_error
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.settings import settings
@@ -230,7 +231,7 @@ def _largest_correction(content: Mapping[str, Any]) -> str:
     rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
     far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
     key = max(far, key=lambda k: far[k], default=None)
-    if key is None or far[key] < settings.statistics.suggestive_sds:
+    if key is None or far[key] < SDS_95:
         return ""
     return (
         f"{key_words(key)}: the flights ask for {_correction_words(key, rows[key]['value'])},"
