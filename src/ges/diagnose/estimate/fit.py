@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -25,11 +24,11 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
     Gram,
     Regression,
+    block_grams,
     gram_of,
     make_regression,
     marginalise_deviations,
     whiten_system,
-    whitened_against_feedback,
 )
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
@@ -229,17 +228,12 @@ def _jackknife_sds(
 def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram]:
     """Return normal equations of the kept columns by block of time of one flight."""
     number = np.unique(block, return_inverse=True)[1]
-    grams = [Gram(np.zeros((len(kept),) * 2), np.zeros(len(kept)), 0.0, 0.0)] * int(
-        number.max(initial=-1) + 1
-    )
+    empty = Gram(np.zeros((len(kept),) * 2), np.zeros(len(kept)), 0.0, 0.0)
+    grams = [empty] * int(number.max(initial=-1) + 1)
     for part in white.parts:
-        d, y = whitened_against_feedback(part, kept)
-        # rows come in order of time, so that a block is one run of them
-        first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
-        for a, b in itertools.pairwise([*first.tolist(), len(y)]):
-            own, left = d[a:b], y[a:b]
-            i = number[part.at[a]]
-            grams[i] = grams[i] + Gram(own.T @ own, own.T @ left, float(left @ left), float(b - a))
+        places = np.flatnonzero(np.isin(kept, part.columns))
+        for i, gram in block_grams(part, kept[places], number):
+            grams[i] = grams[i] + gram.spread(places, len(kept))
     return grams
 
 
