@@ -135,19 +135,19 @@ def test_what_a_doubt_explains_is_not_noise_and_what_is_beyond_it_is():
     x, noise = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 0.1, seed=4)
     column, acting = [nuisance("thrust_scale.scale", 0.5)], [{0: x}]
     within = _alone(0.4 * x + noise, columns=column, acting=acting)
-    (left,) = noise_residuals(within, 0)
+    ((left,),) = noise_residuals(within, [0])
     assert np.std(left) == pytest.approx(0.1, rel=0.1)
     narrow = [nuisance("thrust_scale.scale", 1e-4)]
-    (left,) = noise_residuals(_alone(0.4 * x + noise, columns=narrow, acting=acting), 0)
+    ((left,),) = noise_residuals(_alone(0.4 * x + noise, columns=narrow, acting=acting), [0])
     assert np.std(left) > 0.3
 
 
 def test_a_candidate_is_noise_until_it_is_chosen_and_a_mean_never_is():
     x, noise = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 0.1, seed=4)
     system = _alone(7.0 + 0.4 * x + noise, columns=[DRAG], acting=[{0: x}])
-    assert np.std(noise_residuals(system, 0)[0]) == pytest.approx(0.41, rel=0.1)
-    assert np.std(noise_residuals(system, 0, (0,))[0]) == pytest.approx(0.1, rel=0.1)
-    assert abs(noise_residuals(system, 0)[0].mean()) < 1e-9
+    assert np.std(noise_residuals(system, [0])[0]) == pytest.approx(0.41, rel=0.1)
+    assert np.std(noise_residuals(system, [0], (0,))[0]) == pytest.approx(0.1, rel=0.1)
+    assert abs(noise_residuals(system, [0])[0].mean()) < 1e-9
     assert estimate_noise(system).sd[0] > 3.0 * estimate_noise(system, (0,)).sd[0]
 
 
@@ -161,7 +161,7 @@ def test_what_acts_together_keeps_its_proportions():
     def left(a, b, **known):
         acting = [{0: one}, {0: other}]
         system = _alone(a * one + b * other + noise, columns=columns, acting=acting)
-        return np.std(noise_residuals(system, 0, **known)[0])
+        return np.std(noise_residuals(system, [0], **known)[0])
 
     assert left(3.0, 1.5, together={0: 0.2, 1: 0.1}) == pytest.approx(0.1, rel=0.1)
     assert left(3.0, -1.5, together={0: 0.2, 1: 0.1}) > 1.0
@@ -170,7 +170,7 @@ def test_what_acts_together_keeps_its_proportions():
 
 def test_what_is_not_in_the_air_is_not_left_over():
     air = np.arange(300) >= 100
-    (left,) = noise_residuals(_alone(_coloured(0.2, count=300), air=air), 0)
+    ((left,),) = noise_residuals(_alone(_coloured(0.2, count=300), air=air), [0])
     assert np.isnan(left[:100]).all() and np.isfinite(left[100:]).all()
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -743,10 +743,13 @@ def _computed_columns(system: System, flight: FlightRows, model: Model, wanted: 
 
     Nuisances are by key. Others are by recipe, if wanted and computed for this very model.
     """
-    computed: dict = {key: flight.x.column(k) for key, k in system.nuisances.items()}
+    known: dict[int, Hashable] = {k: key for key, k in system.nuisances.items()}
     for k, c in enumerate(system.columns) if system.model is model else ():
         if c.variant is not None and c.recipe in wanted:
-            computed[c.recipe] = computed.get(c.recipe, {}) | flight.x.column(k)
+            known[k] = c.recipe
+    computed: dict = {}
+    for key, column in zip(known.values(), flight.x.columns(list(known)), strict=True):
+        computed[key] = computed.get(key, {}) | column
     return computed
 
 

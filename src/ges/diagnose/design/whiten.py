@@ -193,7 +193,7 @@ class White:
 
 def noise_residuals(
     system: System,
-    channel: int,
+    channels: Sequence[int],
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> list[np.ndarray]:
@@ -204,59 +204,74 @@ def noise_residuals(
     Parameters
     ----------
     system : of the flights.
-    channel : its number.
-    chosen : columns whose coefficients the channel alone decides.
+    channels : numbers of c channels.
+    chosen : columns whose coefficients each channel decides alone.
     together : coefficients of columns that act with these, but for one common factor: forms differ.
 
     Returns
     -------
-    By flight, (m,).
+    By flight, (c, m).
     """
-    kept = [
-        k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen
-    ]
-    residuals = []
-    for r in system.flights:
-        here, acting = (np.intersect1d(at, r.x.at[channel]) for at in (kept, list(together)))
-        x = [r.x.of(channel, here)]
-        # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
-        prior_sds = [
-            math.hypot(n.sd, n.flight_sd, n.mean) if (n := system.columns[k].nuisance) else np.inf
-            for k in here
-        ]
-        if len(acting):
-            x.append(r.x.of(channel, acting) @ [[together[int(k)]] for k in acting])
-            prior_sds.append(np.inf)
-        y = np.where(r.air, r.y[:, channel], np.nan)
-        residuals.append(_ridge_residual(y, np.hstack(x), np.array(prior_sds)))
-    return residuals
+    nuisances = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
+    kept, common = np.union1d(nuisances, chosen).astype(int), np.unique(list(together)).astype(int)
+    # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
+    prior_sd = {
+        int(k): math.hypot(n.sd, n.flight_sd, n.mean)
+        if (n := system.columns[k].nuisance)
+        else math.inf
+        for k in kept
+    }
+
+    def of_flight(r: FlightRows) -> np.ndarray:
+        residuals = np.full((len(channels), len(r.y)), np.nan)
+        good = r.air[:, None] & np.isfinite(r.y)
+        groups: dict[tuple[bytes, bytes], list[int]] = {}
+        for i, c in enumerate(channels):
+            groups.setdefault((good[:, c].tobytes(), r.x.at[c].tobytes()), []).append(i)
+        for group in groups.values():
+            own = [channels[i] for i in group]
+            rows, at = good[:, own[0]], r.x.at[own[0]]
+            if not rows.any():
+                continue
+            here, acting = np.intersect1d(kept, at), np.intersect1d(common, at)
+            x = [np.stack([r.x.of(c, here).T for c in own])]
+            prior_sds = [prior_sd[k] for k in here.tolist()]
+            if len(acting):
+                sizes = [together[k] for k in acting.tolist()]
+                x.append(np.stack([[r.x.of(c, acting) @ sizes] for c in own]))
+                prior_sds.append(math.inf)
+            residuals[np.ix_(group, np.flatnonzero(rows))] = _ridge_residuals(
+                r.y[np.ix_(rows, own)].T, np.concatenate(x, axis=1)[..., rows], np.array(prior_sds)
+            )
+        return residuals
+
+    return each(of_flight, system.flights)
 
 
-def _ridge_residual(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.ndarray:
-    """Return the residual (m,) of a ridge regression.
+def _ridge_residuals(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.ndarray:
+    """Return residuals (g, n) of ridge regressions of g channels on k columns each, (g, k, n).
 
-    The ridge is the variance of the residual.
+    The ridge of each is the variance of its residual.
     """
-    good = np.isfinite(y)
-    residual = np.full(len(y), np.nan)
-    if not good.any():
-        return residual
-    y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
+    y = y - y.mean(axis=1, keepdims=True)
+    x = x - x.mean(axis=2, keepdims=True)
     # what has no prior sd may go far beyond what the residual could ask for
-    size, tiny = np.sqrt(np.mean(x**2, axis=0)), settings.numerics.tiny
-    far = settings.numerics.wide_factor * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny)
+    size, tiny = np.sqrt(np.mean(x**2, axis=2)), settings.numerics.tiny
+    sd2 = np.mean(y**2, axis=1)
+    far = settings.numerics.wide_factor * np.sqrt(sd2)[:, None] / np.maximum(size, tiny)
     # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
     # that variance is what is left, so it is found by turns
-    x = x * np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
-    gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
+    reach = np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
+    x = x * reach[..., None]
+    gram, right = x @ x.swapaxes(1, 2), x @ y[..., None]
+    least = np.maximum(settings.numerics.small * np.trace(gram, axis1=1, axis2=2), tiny)
     e = y
     for _ in range(settings.numerics.noise_rounds):
         # the least ridge keeps columns that are alike solvable where nothing is left
-        ridge = max(sd2, settings.numerics.small * np.trace(gram), settings.numerics.tiny)
-        e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
-        sd2 = np.mean(e**2)
-    residual[good] = e
-    return residual
+        ridge = np.maximum(sd2, least)[:, None, None] * np.eye(gram.shape[1])
+        e = y - (np.linalg.solve(gram + ridge, right).swapaxes(1, 2) @ x)[:, 0]
+        sd2 = np.mean(e**2, axis=1)
+    return e
 
 
 def _run(follows: np.ndarray) -> np.ndarray:
@@ -322,25 +337,23 @@ def estimate_noise(
         [settings.noise.least_share * system.model.reference_scale(name) for name in system.names]
     )
 
+    every = range(len(system.names))
+    left = noise_residuals(system, every, chosen, together)
+    # the controller responded to what columns explain, too: so without them
+    plain = noise_residuals(system, every) if len(chosen) or together else None
+
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
-        residuals = noise_residuals(system, c, chosen, together)
+        residuals = [e[c] for e in left]
         ar, sd, growth = _channel_noise(system, residuals, runs, covariate)
         sd = max(sd, floor[c])
-        # the controller responded to what columns explain, too: so without them
-        has_columns = bool(len(chosen) or together)
         disturbance = (
-            _disturbance_size(noise_residuals(system, c), runs, ar, sd)
-            if has_columns and c in endogenous
+            _disturbance_size([e[c] for e in plain], runs, ar, sd)
+            if plain and c in endogenous
             else 1.0
         )
         return ar, sd, growth, disturbance, _noisiest_over_median(residuals)
 
-    return NoiseModel(
-        *(
-            np.array(values)
-            for values in zip(*each(of_channel, range(len(system.names))), strict=True)
-        )
-    )
+    return NoiseModel(*(np.array(values) for values in zip(*each(of_channel, every), strict=True)))
 
 
 def _disturbance_size(
