@@ -25,6 +25,7 @@ coefficient may err by the correlation (see ``whiten``). The kinds are:
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
@@ -124,13 +125,18 @@ def subtract_trims(
     dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
     constant_and_thrust = np.column_stack([np.ones(len(thrust)), thrust])
     values = [list(columns) for columns in x.values]
+
+    @functools.cache
+    def held_and_turned(mark: str) -> tuple[np.ndarray, np.ndarray]:
+        # by the channel's own test function: the average of what is held, the rate of what turned
+        mean, rate = windows.functions[mark]
+        return (mean @ constant_and_thrust)[air], (rate @ omega)[air]
+
     for c, name in enumerate(names):
         if block_of(name) != "moment" or not dynamic[x.at[c]].any():
             continue
-        # by the channel's own test function: the average of what is held, the rate of what turned
-        mean, rate = windows.functions[MarkedChannel.of(name).mark]
-        trim = (mean @ constant_and_thrust)[air]
-        rotation = (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
+        trim, rates = held_and_turned(MarkedChannel.of(name).mark)
+        rotation = rates[:, AXES.index(name[len("moment_")])]
         places = np.flatnonzero(dynamic[x.at[c]])
         columns = np.stack([values[c][k] for k in places], axis=1)
         regressors = np.column_stack([trim, rotation])
@@ -385,7 +391,7 @@ def endogenous_parts(
             channel = _Channel(name, instruments, length_s, rates_measured)
             if shows(channel):
                 values = _in_all_windows(air, part(x.of(c, at)[air], own, channel))
-                parts[kind, c] = dict(zip(own, values.T, strict=True))
+                parts[kind, c] = dict(zip(own, np.ascontiguousarray(values.T), strict=True))
     return parts
 
 

@@ -435,6 +435,30 @@ def _as_if_commanded(
     ).rotor_command_rad_s
 
 
+def have_same_drive(one: Model, other: Model) -> bool:
+    """Return whether two models make the same rotor speeds of any recording.
+
+    Parameters
+    ----------
+    one, other : models.
+    """
+    acting = [_of_drives(model.effects) for model in (one, other)]
+    same_vehicle = one.parameters == other.parameters and one.terrain is other.terrain
+    return same_vehicle and acting[0] == acting[1]
+
+
+def _of_drives(effects: effect_table.Effects) -> dict:
+    """Return the effects that change rotor speeds, or commands on their way to the motors."""
+    modified = {effect_table.get(name).modifies for name in _of_kind(effects, "actuator")}
+    return {
+        name: values
+        for name, values in effects.items()
+        if name in modified
+        or effect_table.get(name).kind == "actuator"
+        or effect_table.get(name).reads_voltage
+    }
+
+
 def affects_drive(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:
     """Return whether effects change the rotor speeds.
 

@@ -59,10 +59,11 @@ class Innovations:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Return innovations (g, w, n) of w columns (g, w, m) for each channel."""
         weights = self.weights[:, None, self.lines]
-        return (
-            sum(weights[..., lag] * x[..., at] for lag, at in enumerate(self.rows))
-            / (self.sd[:, None])
-        )
+        innovations = weights[..., 0] * x[..., self.rows[0]]
+        for lag, at in enumerate(self.rows[1:], 1):
+            innovations += weights[..., lag] * x[..., at]
+        innovations /= self.sd[:, None]
+        return innovations
 
 
 Columns = tuple[tuple[np.ndarray, ...], ...]
@@ -240,8 +241,8 @@ def noise_residuals(
                 sizes = [together[k] for k in acting.tolist()]
                 x.append(np.stack([[r.x.of(c, acting) @ sizes] for c in own]))
                 prior_sds.append(math.inf)
-            residuals[np.ix_(group, np.flatnonzero(rows))] = _ridge_residuals(
-                r.y[np.ix_(rows, own)].T, np.concatenate(x, axis=1)[..., rows], np.array(prior_sds)
+            residuals[np.ix_(np.array(group), rows)] = _ridge_residuals(
+                r.y[rows][:, own].T, np.concatenate(x, axis=1)[..., rows], np.array(prior_sds)
             )
         return residuals
 
