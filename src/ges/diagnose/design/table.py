@@ -80,12 +80,12 @@ class ColumnTable:
         -------
         Each by channel that it acts on, (m,).
         """
-        found: dict[int, dict[int, np.ndarray]] = {int(k): {} for k in wanted}
+        columns: dict[int, dict[int, np.ndarray]] = {int(k): {} for k in wanted}
         for c, at in enumerate(self.at):
             for k, values in zip(at.tolist(), self.values[c], strict=True):
-                if k in found:
-                    found[k][c] = values
-        return list(found.values())
+                if k in columns:
+                    columns[k][c] = values
+        return list(columns.values())
 
     def weighted_sum(self, terms: Mapping[int, float], count: int) -> np.ndarray:
         """Return a linear combination of columns.
