@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.sparse import csr_array, eye_array
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
 from ges.diagnose.design.system import DesignColumn, FlightRows, Nuisance, System
@@ -134,10 +133,10 @@ def white_part(
     return WhitePart(
         np.arange(len(y)),
         np.asarray(columns),
-        y,
-        tuple(x.T),
-        lambda: csr_array(eye_array(len(y))),
-        np.zeros((len(y), 0)) if errors is None else errors,
+        y[None],
+        (tuple(x.T),),
+        lambda columns: columns,
+        np.zeros((1, 0, len(y))) if errors is None else errors.T[None],
     )
 
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from ges.diagnose.design.system import build
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import _innovation, _past, _prediction_filter, _run
+from ges.diagnose.design.whiten import _innovations, _past, _prediction_filter, _run
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
@@ -27,7 +27,8 @@ def _covariance(count: int) -> np.ndarray:
 
 def test_innovations_of_a_whole_run_are_white():
     count, past = 8, np.arange(8)
-    filtering = _innovation(past, past, count, _prediction_filter(AR), np.ones(count)).toarray()
+    of = _innovations(past, past, _prediction_filter(AR)[None], np.ones((1, count)))
+    filtering = of(np.eye(count)[None])[0].T
     np.testing.assert_allclose(
         filtering @ _covariance(count) @ filtering.T, np.eye(count), atol=1e-9
     )
@@ -40,7 +41,7 @@ def test_a_filter_whose_noise_would_grow_says_nothing_of_first_rows():
 def test_the_past_ends_where_a_row_is_missing_or_follows_none():
     y = np.array([np.nan, 1.0, 1.0, 1.0, np.nan, 1.0, 1.0, 1.0])
     follows = np.array([False, True, True, True, True, True, True, False])
-    assert _past(y, _run(follows)).tolist() == [-1, 0, 1, 2, -1, 0, 1, 0]
+    assert _past(y[:, None], _run(follows))[:, 0].tolist() == [-1, 0, 1, 2, -1, 0, 1, 0]
 
 
 @pytest.fixture(scope="module")

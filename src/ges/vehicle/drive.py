@@ -11,7 +11,6 @@ import dataclasses
 import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from ges.conventions import (
@@ -412,6 +411,9 @@ def _likeness(made: np.ndarray, seen: np.ndarray, step_s: float) -> float:
 
 def _slow(values: np.ndarray, step_s: float, lag_s: float) -> np.ndarray:
     """Apply a first-order low-pass along the rows, at rest before the first."""
+    # here, as it takes a third of a second and few vehicles are made from a log
+    from scipy.signal import lfilter
+
     keep = np.exp(-step_s / lag_s)
     return lfilter([1.0 - keep], [1.0, -keep], values - values[:1], axis=0) + values[:1]
 

@@ -48,10 +48,11 @@ def test_a_first_order_process_comes_out_white_and_of_unit_size(correlation):
     ((part,),) = (w.parts for w in _whitened(system, noise))
     assert noise.ar[0] == pytest.approx([correlation, 0.0, 0.0], abs=0.08)
     assert noise.sd[0] == pytest.approx(0.1, rel=0.05)
-    assert np.std(part.y) == pytest.approx(1.0, rel=0.01)
-    chance = 3.5 / np.sqrt(len(part.y))
+    (y,) = part.y
+    assert np.std(y) == pytest.approx(1.0, rel=0.01)
+    chance = 3.5 / np.sqrt(len(y))
     for lag in (1, 2, 3, 5):
-        assert abs(np.corrcoef(part.y[lag:], part.y[:-lag])[0, 1]) < chance, lag
+        assert abs(np.corrcoef(y[lag:], y[:-lag])[0, 1]) < chance, lag
 
 
 def test_columns_go_through_the_filter_of_the_residuals():
@@ -59,7 +60,7 @@ def test_columns_go_through_the_filter_of_the_residuals():
     system = _alone(y, columns=[DRAG], acting=[{0: -2.5 * y}])
     ((part,),) = (w.parts for w in _whitened(system, estimate_noise(_alone(y))))
     np.testing.assert_allclose(part.of([0])[:, 0], -2.5 * part.y)
-    (xx, _, yy), _ = part.products
+    ((xx, _), (_, yy)) = part.products[0][0]
     assert xx == pytest.approx(6.25 * yy)
 
 
@@ -103,7 +104,7 @@ def test_no_row_leans_on_what_was_before_a_break():
     parts = [whiten([r], noise, variance_covariate([r]))[0].parts[0] for r in (broken, shouted)]
     after = parts[0].at >= 100
     assert 100 not in parts[0].at and parts[0].at[after][0] == 103, "a full past first"
-    np.testing.assert_array_equal(parts[0].y[after], parts[1].y[after])
+    np.testing.assert_array_equal(parts[0].y[:, after], parts[1].y[:, after])
 
 
 def test_a_row_that_is_not_there_is_missing_and_those_after_it_wait_for_their_past():
@@ -126,27 +127,27 @@ def test_noise_that_grows_where_a_stream_is_slow_is_taken_off_there(growth):
     assert noise.growth[0] == growth and noise.sd[0] == pytest.approx(0.1, rel=0.05)
     ((part,),) = (w.parts for w in _whitened(system, noise))
     noisy = relative[part.at] > 2.0
-    assert np.std(part.y[noisy]) == pytest.approx(1.0, rel=0.1)
-    assert np.std(part.y[~noisy]) == pytest.approx(1.0, rel=0.1)
+    assert np.std(part.y[:, noisy]) == pytest.approx(1.0, rel=0.1)
+    assert np.std(part.y[:, ~noisy]) == pytest.approx(1.0, rel=0.1)
 
 
 def test_what_a_doubt_explains_is_not_noise_and_what_is_beyond_it_is():
     x, noise = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 0.1, seed=4)
     column, acting = [nuisance("thrust_scale.scale", 0.5)], [{0: x}]
     within = _alone(0.4 * x + noise, columns=column, acting=acting)
-    (left,) = noise_residuals(within, 0)
+    ((left,),) = noise_residuals(within, [0])
     assert np.std(left) == pytest.approx(0.1, rel=0.1)
     narrow = [nuisance("thrust_scale.scale", 1e-4)]
-    (left,) = noise_residuals(_alone(0.4 * x + noise, columns=narrow, acting=acting), 0)
+    ((left,),) = noise_residuals(_alone(0.4 * x + noise, columns=narrow, acting=acting), [0])
     assert np.std(left) > 0.3
 
 
 def test_a_candidate_is_noise_until_it_is_chosen_and_a_mean_never_is():
     x, noise = _coloured(0.0, 1.0, seed=3), _coloured(0.0, 0.1, seed=4)
     system = _alone(7.0 + 0.4 * x + noise, columns=[DRAG], acting=[{0: x}])
-    assert np.std(noise_residuals(system, 0)[0]) == pytest.approx(0.41, rel=0.1)
-    assert np.std(noise_residuals(system, 0, (0,))[0]) == pytest.approx(0.1, rel=0.1)
-    assert abs(noise_residuals(system, 0)[0].mean()) < 1e-9
+    assert np.std(noise_residuals(system, [0])[0]) == pytest.approx(0.41, rel=0.1)
+    assert np.std(noise_residuals(system, [0], (0,))[0]) == pytest.approx(0.1, rel=0.1)
+    assert abs(noise_residuals(system, [0])[0].mean()) < 1e-9
     assert estimate_noise(system).sd[0] > 3.0 * estimate_noise(system, (0,)).sd[0]
 
 
@@ -160,7 +161,7 @@ def test_what_acts_together_keeps_its_proportions():
     def left(a, b, **known):
         acting = [{0: one}, {0: other}]
         system = _alone(a * one + b * other + noise, columns=columns, acting=acting)
-        return np.std(noise_residuals(system, 0, **known)[0])
+        return np.std(noise_residuals(system, [0], **known)[0])
 
     assert left(3.0, 1.5, together={0: 0.2, 1: 0.1}) == pytest.approx(0.1, rel=0.1)
     assert left(3.0, -1.5, together={0: 0.2, 1: 0.1}) > 1.0
@@ -169,7 +170,7 @@ def test_what_acts_together_keeps_its_proportions():
 
 def test_what_is_not_in_the_air_is_not_left_over():
     air = np.arange(300) >= 100
-    (left,) = noise_residuals(_alone(_coloured(0.2, count=300), air=air), 0)
+    ((left,),) = noise_residuals(_alone(_coloured(0.2, count=300), air=air), [0])
     assert np.isnan(left[:100]).all() and np.isfinite(left[100:]).all()
 
 
@@ -209,21 +210,23 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     noise = NoiseModel(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]), np.ones(1))
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)
     parts = [w.parts[0] for w in whites]
-    answers = [part.feedback_errors[:, 0] for part in parts]
+    answers = [part.feedback_errors[0, 0] for part in parts]
     sd = 1.0 / np.sqrt(3.0)
     for part, answer in zip(parts, answers, strict=True):
-        share = answer / part.of([0])[:, 0]
+        share = answer / part.of([0])[0, 0]
         assert np.ptp(share) < 1e-9
-        size = np.sqrt(np.mean(part.of([0])[:, 0] ** 2))
+        size = np.sqrt(np.mean(part.of([0])[0, 0] ** 2))
         assert share[0] == pytest.approx(2.0 * sd * np.sqrt(copies) / size)
 
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
     part, sd = white_part([0], np.ones(3), np.ones((3, 1))), 1.0 / np.sqrt(3.0)
-    one, two = (FeedbackErrors((np.ones(3),), np.array([b]), 1.0 / sd) for b in (1.0, 2.0))
+    one, two = (
+        FeedbackErrors(((np.ones(3),),), np.array([[b]]), np.array([1.0 / sd])) for b in (1.0, 2.0)
+    )
     both = part.with_feedback_errors(one).with_feedback_errors(two)
-    np.testing.assert_allclose(both.feedback_errors, [[1.0, 2.0]] * 3)
-    assert part.feedback_errors.shape == (3, 0)
+    np.testing.assert_allclose(both.feedback_errors, [[[1.0] * 3, [2.0] * 3]])
+    assert part.feedback_errors.shape == (1, 0, 3)
 
 
 def test_unrest_is_over_the_middle_of_all_flights():

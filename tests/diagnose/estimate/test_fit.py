@@ -59,13 +59,13 @@ def _dense(regression, chosen, common, varies, prior_mean, prior_sd):
     x, y = [], []
     for f, white in enumerate(regression.whites):
         (part,) = white.parts
-        row = np.zeros((len(part.y), size))
-        row[:, : len(chosen)] = part.of(chosen)
-        row[:, len(chosen) : len(chosen) + len(common)] = part.of(common)
+        row = np.zeros((len(part.at), size))
+        row[:, : len(chosen)] = part.of(chosen)[0].T
+        row[:, len(chosen) : len(chosen) + len(common)] = part.of(common)[0].T
         start = len(chosen) + len(common) + f * len(varies)
-        row[:, start : start + len(varies)] = part.of(varies)
+        row[:, start : start + len(varies)] = part.of(varies)[0].T
         x.append(row)
-        y.append(part.y)
+        y.append(part.y[0])
     mean = [
         *prior_mean,
         *(columns[k].nuisance.mean for k in common),

@@ -102,6 +102,6 @@ def test_columns_of_a_number_at_its_bound_step_inward():
     for c in (0.98, 1.0):
         system = build([flight], model.with_effects({"thrust_curve": {"c": c}}), [variant])
         k = next(k for k, column in enumerate(system.columns) if column.variant is not None)
-        columns.append(np.concatenate(list(system.flights[0].x.column(k).values())))
+        columns.append(np.concatenate(list(system.flights[0].x.columns([k])[0].values())))
     inside, bound = columns
     assert bound == pytest.approx(inside, abs=0.1 * np.abs(inside).max())

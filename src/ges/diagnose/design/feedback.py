@@ -25,6 +25,7 @@ coefficient may err by the correlation (see ``whiten``). The kinds are:
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
@@ -124,13 +125,18 @@ def subtract_trims(
     dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
     constant_and_thrust = np.column_stack([np.ones(len(thrust)), thrust])
     values = [list(columns) for columns in x.values]
+
+    @functools.cache
+    def held_and_turned(mark: str) -> tuple[np.ndarray, np.ndarray]:
+        # by the channel's own test function: the average of what is held, the rate of what turned
+        mean, rate = windows.functions[mark]
+        return (mean @ constant_and_thrust)[air], (rate @ omega)[air]
+
     for c, name in enumerate(names):
         if block_of(name) != "moment" or not dynamic[x.at[c]].any():
             continue
-        # by the channel's own test function: the average of what is held, the rate of what turned
-        mean, rate = windows.functions[MarkedChannel.of(name).mark]
-        trim = (mean @ constant_and_thrust)[air]
-        rotation = (rate @ omega[:, AXES.index(name[len("moment_")])])[air]
+        trim, rates = held_and_turned(MarkedChannel.of(name).mark)
+        rotation = rates[:, AXES.index(name[len("moment_")])]
         places = np.flatnonzero(dynamic[x.at[c]])
         columns = np.stack([values[c][k] for k in places], axis=1)
         regressors = np.column_stack([trim, rotation])
@@ -250,6 +256,11 @@ class _Channel:
     length_s: float
     rates_measured: bool
 
+    @property
+    def has_instruments(self) -> bool:
+        """Whether the flight's instruments are of this channel."""
+        return self.name in self.instruments.strength
+
     def remainder(self, x: np.ndarray, mean_counts: bool) -> np.ndarray:
         """Return columns (a, k) minus what instruments explain.
 
@@ -277,20 +288,16 @@ class _Channel:
         return self.fast_remainder(thrust[:, None]) / np.maximum(thrust, least)[:, None]
 
 
-Part = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray | None]
+Part = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray]
 
 
-def _dynamic(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+def _dynamic(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
     """Return all that instruments do not explain; the mean along thrust counts in full."""
-    if not _is_balance(channel):
-        return None
     return channel.remainder(x, mean_counts=channel.name in VERTICAL)
 
 
-def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
+def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
     """Return the force of unexplained thrust, and the moment of a gain near the ground."""
-    if not _is_balance(channel):
-        return None
     # a gain's force is in proportion to thrust: one share of it is endogenous, whatever the gain
     if channel.name in VERTICAL:
         return x * channel.endogenous_share()
@@ -298,63 +305,63 @@ def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.nd
     return np.array(list(map(near_ground_gain, keys)), dtype=float) * _without_mean(x)
 
 
-def _rotor_in_roll_and_pitch(
-    x: np.ndarray, keys: Sequence[str], channel: _Channel
-) -> np.ndarray | None:
-    """Return changes of its moment."""
-    if not _is_balance(channel) or not channel.name.startswith(ROLL_PITCH):
-        return None
+def _changes(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
+    """Return changes that instruments do not explain."""
     return channel.remainder(x, mean_counts=True)
 
 
-def _rotor_in_yaw(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Return changes under faster test functions, where neither rates nor attitude were logged.
+def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
+    """Return fast changes along thrust."""
+    return channel.fast_remainder(x)
+
+
+def _height(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
+    """Return changes of the rangefinder's error."""
+    return _without_mean(x)
+
+
+def _is_balance(channel: _Channel) -> bool:
+    """Return whether a channel is one of moments, or of forces along thrust, without gaps."""
+    return channel.has_instruments and block_of(channel.name) != DRIVE
+
+
+def _is_roll_or_pitch(channel: _Channel) -> bool:
+    return _is_balance(channel) and channel.name.startswith(ROLL_PITCH)
+
+
+def _is_unseen_yaw(channel: _Channel) -> bool:
+    """Return whether it is yaw under faster test functions, with neither rates nor attitude logged.
 
     There the moment in yaw turned the vehicle unseen. The noise of the commands is in residual and
     column alike (errors in variables). Its plain average would have spun the vehicle, and counts in
     full.
     """
     seen = channel.rates_measured or not MarkedChannel.of(channel.name).mark
-    if not _is_balance(channel) or not channel.name.startswith(YAW) or seen:
-        return None
-    return channel.remainder(x, mean_counts=True)
+    return _is_balance(channel) and channel.name.startswith(YAW) and not seen
 
 
-def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Return fast changes along thrust."""
-    has_instruments = channel.name in channel.instruments.strength
-    return channel.fast_remainder(x) if has_instruments and channel.name in VERTICAL else None
+def _is_vertical(channel: _Channel) -> bool:
+    return channel.has_instruments and channel.name in VERTICAL
 
 
-def _drive(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Return changes of a rotor's speed."""
-    has_instruments = channel.name in channel.instruments.strength
-    if not has_instruments or block_of(channel.name) != DRIVE:
-        return None
-    return channel.remainder(x, mean_counts=True)
+def _is_drive(channel: _Channel) -> bool:
+    return channel.has_instruments and block_of(channel.name) == DRIVE
 
 
-def _height(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray | None:
-    """Return changes of the rangefinder's error."""
-    return _without_mean(x) if channel.name == "range" else None
+def _is_range(channel: _Channel) -> bool:
+    return channel.name == "range"
 
 
-PARTS: tuple[tuple[str, Part], ...] = (
-    ("dynamic", _dynamic),
-    ("thrust_gain", _thrust_gain),
-    ("rotor", _rotor_in_roll_and_pitch),
-    ("rotor", _rotor_in_yaw),
-    ("load", _load),
-    (DRIVE, _drive),
-    ("height", _height),
+PARTS: tuple[tuple[str, Callable[[_Channel], bool], Part], ...] = (
+    ("dynamic", _is_balance, _dynamic),
+    ("thrust_gain", _is_balance, _thrust_gain),
+    ("rotor", _is_roll_or_pitch, _changes),
+    ("rotor", _is_unseen_yaw, _changes),
+    ("load", _is_vertical, _load),
+    (DRIVE, _is_drive, _changes),
+    ("height", _is_range, _height),
 )
-"""Endogenous part of columns (a, k) by kind; None for a channel that shows none."""
-
-
-def _is_balance(channel: _Channel) -> bool:
-    """Return whether a channel is one of moments, or of forces along thrust, without gaps."""
-    has_instruments = channel.name in channel.instruments.strength
-    return has_instruments and block_of(channel.name) != DRIVE
+"""Endogenous part of columns (a, k) by kind, and whether a channel shows one."""
 
 
 def endogenous_parts(
@@ -388,15 +395,14 @@ def endogenous_parts(
     Shapes of one parameter are endogenous alike: its first column stands for them.
     """
     parts: dict[tuple[str, int], dict[str, np.ndarray]] = {}
-    for kind, part in PARTS:
+    for kind, shows, part in PARTS:
         at = _columns_of(kind, keys, on)
         own = [keys[k] for k in at]
         for c, name in channels.items() if at else ():
             channel = _Channel(name, instruments, length_s, rates_measured)
-            values = part(x.of(c, at)[air], own, channel)
-            if values is not None:
-                columns = _in_all_windows(air, values).T
-                parts[kind, c] = dict(zip(own, columns, strict=True))
+            if shows(channel):
+                values = _in_all_windows(air, part(x.of(c, at)[air], own, channel))
+                parts[kind, c] = dict(zip(own, np.ascontiguousarray(values.T), strict=True))
     return parts
 
 

@@ -142,7 +142,7 @@ def instruments(
             for name, u in commands
         }
     columns = {
-        name: np.column_stack(_centred_means(by_channel[channel], functions[mark][0]))
+        name: _centred_means(by_channel[channel], functions[mark][0])
         for name in names
         for channel, mark in [MarkedChannel.of(name)]
         if channel in by_channel and mark in functions
@@ -208,10 +208,10 @@ def _delayed_copies(
     return [np.interp(t - lag * step, t, values) for lag in lags]
 
 
-def _centred_means(signals: Sequence[np.ndarray], mean: csr_array) -> list[np.ndarray]:
-    """Return window averages of signals by the weights ``mean``, less their mean."""
-    averages = [mean @ signal for signal in signals]
-    return [a - a.mean() for a in averages]
+def _centred_means(signals: Sequence[np.ndarray], mean: csr_array) -> np.ndarray:
+    """Return window averages (m, k) of signals by the weights ``mean``, less their mean."""
+    averages = mean @ np.column_stack(signals)
+    return averages - averages.mean(axis=0)
 
 
 def directions(z: np.ndarray) -> np.ndarray:

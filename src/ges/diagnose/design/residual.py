@@ -231,14 +231,15 @@ def _commanded_speeds_of_each(
     Rotor speeds are (n, rotors) rad/s each.
     """
     # few sets change the commands: the inputs of all others are the same
-    plain = _drive_inputs(flight, model, motor_commands(flight, model, {}))
-    inputs = [
-        _drive_inputs(flight, model, motor_commands(flight, model, e))
-        if _command_modifiers(e)
-        else plain
-        for e in sets
-    ]
-    return _fly_motors([(flight, e, table) for e, table in zip(sets, inputs, strict=True)], model)
+    tables: dict[str, np.ndarray] = {}
+    batch = []
+    for e in sets:
+        key = repr(e) if _command_modifiers(e) else ""
+        if key not in tables:
+            commands = motor_commands(flight, model, e if key else {})
+            tables[key] = _drive_inputs(flight, model, commands)
+        batch.append((flight, e, tables[key]))
+    return _fly_motors(batch, model)
 
 
 def _fly_motors(
@@ -298,9 +299,11 @@ def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.nd
     every = flight.steps(settings.numerics.step_s)
     u = _at_step_middles(commands, every, flight.command_hold.delay_rows)
     voltage = flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
+    rotors = u.shape[1]
     # motors alone are flown: attitude is imposed level and at rest
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
-    return np.column_stack([u, upright, np.repeat(voltage, every), np.zeros((len(u), 3))])
+    inputs = np.zeros((len(u), rotors + 8))
+    inputs[:, :rotors], inputs[:, rotors], inputs[:, rotors + 4] = u, 1.0, np.repeat(voltage, every)
+    return inputs
 
 
 def _drive_flight(
@@ -433,6 +436,30 @@ def _as_if_commanded(
     return effect_table.replay(
         parameters, effect_table.Samples.from_columns(columns), effects
     ).rotor_command_rad_s
+
+
+def have_same_drive(one: Model, other: Model) -> bool:
+    """Return whether two models make the same rotor speeds of any recording.
+
+    Parameters
+    ----------
+    one, other : models.
+    """
+    acting = [_of_drives(model.effects) for model in (one, other)]
+    same_vehicle = one.parameters == other.parameters and one.terrain is other.terrain
+    return same_vehicle and acting[0] == acting[1]
+
+
+def _of_drives(effects: effect_table.Effects) -> dict:
+    """Return the effects that change rotor speeds, or commands on their way to the motors."""
+    modified = {effect_table.get(name).modifies for name in _of_kind(effects, "actuator")}
+    return {
+        name: values
+        for name, values in effects.items()
+        if name in modified
+        or effect_table.get(name).kind == "actuator"
+        or effect_table.get(name).reads_voltage
+    }
 
 
 def affects_drive(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from ges.diagnose.design.residual import (
     depend_on_path_alone,
     evaluate,
     fly_drives,
+    have_same_drive,
     replay_with_each,
     with_higher_orders,
 )
@@ -181,6 +182,7 @@ class FlightRows:
     instruments : of the flight; None where they are off.
     air : (m,) True for windows in the air.
     drive_error : by channel, (m,) model error of unit sd, where more is commanded than in the air.
+    drive : rotor speeds of the model; None where they are not known.
     """
 
     flight: Prepared
@@ -192,6 +194,7 @@ class FlightRows:
     instruments: FlightInstruments | None
     air: np.ndarray
     drive_error: Mapping[int, np.ndarray]
+    drive: Drive | None = None
 
     @property
     def follows(self) -> np.ndarray:
@@ -559,6 +562,7 @@ def flight_rows(
     length_s: float,
     computed_columns: Mapping | None = None,
     like: FlightRows | None = None,
+    drive: Drive | None = None,
 ) -> FlightRows:
     """Compute residuals and columns of one flight.
 
@@ -572,6 +576,7 @@ def flight_rows(
     computed_columns : columns to reuse, nuisances by key and others by recipe.
     like : rows of the same flight, whose windows and instruments are reused. Instruments hardly
         change with effects.
+    drive : rotor speeds of the model, where they are known.
 
     Notes
     -----
@@ -589,7 +594,7 @@ def flight_rows(
         for name in with_higher_orders(channels(flight, model), len(windows.higher_orders))
         if name in names
     )
-    base = evaluate(flight, windows, model, here)
+    base = evaluate(flight, windows, model, here, drive=drive)
     y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
     computed, by_recipe = computed_columns or {}, {c.recipe: c for c in columns}
@@ -656,6 +661,7 @@ def flight_rows(
         instruments,
         air,
         drive_error,
+        base.drive,
     )
 
 
@@ -748,10 +754,13 @@ def _computed_columns(system: System, flight: FlightRows, model: Model, wanted: 
 
     Nuisances are by key. Others are by recipe, if wanted and computed for this very model.
     """
-    computed: dict = {key: flight.x.column(k) for key, k in system.nuisances.items()}
+    known: dict[int, Hashable] = {k: key for key, k in system.nuisances.items()}
     for k, c in enumerate(system.columns) if system.model is model else ():
         if c.variant is not None and c.recipe in wanted:
-            computed[c.recipe] = computed.get(c.recipe, {}) | flight.x.column(k)
+            known[k] = c.recipe
+    computed: dict = {}
+    for key, column in zip(known.values(), flight.x.columns(list(known)), strict=True):
+        computed[key] = computed.get(key, {}) | column
     return computed
 
 
@@ -809,10 +818,17 @@ def build(
     computed_columns = [
         _computed_columns(like, r, model, wanted) if like and r else {} for r in reused
     ]
+    same_drive = like is not None and have_same_drive(like.model, model)
+    # another path leaves the columns of a flight, and what its commands do, as they were
+    drives = [
+        r.drive if r and same_drive and r.flight.columns is f.columns else None
+        for f, r in zip(flights, reused, strict=True)
+    ]
     of_flights = each(
-        lambda f, k, r: flight_rows(f, model, names, columns, length_s, k, r),
+        lambda f, k, r, d: flight_rows(f, model, names, columns, length_s, k, r, d),
         flights,
         computed_columns,
         reused,
+        drives,
     )
     return System(model, names, tuple(columns), tuple(of_flights), length_s)

@@ -69,19 +69,23 @@ class ColumnTable:
             [np.logical_and.reduce([rows, *map(np.isfinite, v)]) for v in self.values], axis=1
         )
 
-    def column(self, column: int) -> dict[int, np.ndarray]:
-        """Return one column.
+    def columns(self, wanted: Indices) -> list[dict[int, np.ndarray]]:
+        """Return some columns.
 
         Parameters
         ----------
-        column : its number.
+        wanted : numbers of w columns.
 
         Returns
         -------
-        By channel that it acts on, (m,).
+        Each by channel that it acts on, (m,).
         """
-        places = ((c, np.flatnonzero(at == column)) for c, at in enumerate(self.at))
-        return {c: self.values[c][place[0]] for c, place in places if len(place)}
+        columns: dict[int, dict[int, np.ndarray]] = {int(k): {} for k in wanted}
+        for c, at in enumerate(self.at):
+            for k, values in zip(at.tolist(), self.values[c], strict=True):
+                if k in columns:
+                    columns[k][c] = values
+        return list(columns.values())
 
     def weighted_sum(self, terms: Mapping[int, float], count: int) -> np.ndarray:
         """Return a linear combination of columns.

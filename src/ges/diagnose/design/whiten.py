@@ -11,10 +11,9 @@ from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import toeplitz
-from scipy.sparse import csr_array
 
 from ges.diagnose.design.system import FlightRows, System
-from ges.diagnose.design.table import Indices, pick_columns
+from ges.diagnose.design.table import Indices
 from ges.diagnose.settings import settings
 from ges.threads import each
 
@@ -41,45 +40,71 @@ class NoiseModel:
 
 
 @dataclasses.dataclass(frozen=True)
-class FeedbackErrors:
-    """Columns of one kind in one channel that feedback may have made follow the disturbances.
+class Innovations:
+    """What turns rows of g channels into innovations in units of their sd.
 
     Attributes
     ----------
-    unfiltered : those j columns before they are whitened, (m,) each.
-    bound : (j,) of :func:`_error_bounds`.
-    disturbance : of the channel, see :class:`NoiseModel`.
+    rows : by lag, the n rows that it takes; of one run without a gap a slice.
+    lines : line of the weights for each of the n rows, or of all.
+    weights : (g, l, p + 1) by number of known rows before, and by lag.
+    sd : (g, n) of the innovations.
     """
 
-    unfiltered: tuple[np.ndarray, ...]
+    rows: tuple[np.ndarray | slice, ...]
+    lines: np.ndarray | slice
+    weights: np.ndarray
+    sd: np.ndarray
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Return innovations (g, w, n) of w columns (g, w, m) for each channel."""
+        weights = self.weights[:, None, self.lines]
+        innovations = weights[..., 0] * x[..., self.rows[0]]
+        for lag, at in enumerate(self.rows[1:], 1):
+            innovations += weights[..., lag] * x[..., at]
+        innovations /= self.sd[:, None]
+        return innovations
+
+
+Columns = tuple[tuple[np.ndarray, ...], ...]
+"""By channel, columns before they are whitened, (m,) each."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FeedbackErrors:
+    """Columns of one kind that feedback may have made follow the disturbances, of g channels.
+
+    Attributes
+    ----------
+    unfiltered : j columns of each channel.
+    bound : (g, j) of :func:`_error_bounds`.
+    disturbance : (g,) of the channels, see :class:`NoiseModel`.
+    """
+
+    unfiltered: Columns
     bound: np.ndarray
-    disturbance: float
+    disturbance: np.ndarray
 
-    def errors(self, innovation: csr_array) -> np.ndarray:
-        """Return whitened errors of unit prior sd, (n, j).
-
-        Parameters
-        ----------
-        innovation : (n, m) what whitens the channel.
-        """
+    @property
+    def size(self) -> np.ndarray:
+        """Whitened columns times it (g, j) are errors of unit prior sd."""
         # (5) of docs/method.md: the correlation in sds of the noise, times the bound. Nothing is
         # known of it but that it lies between -1 and 1: uniform, of sd one over the root of three
-        errors = innovation @ np.column_stack(self.unfiltered)
-        return errors * self.bound * self.disturbance / math.sqrt(3.0)
+        return self.bound * self.disturbance[:, None] / math.sqrt(3.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class WhitePart:
-    """One channel of a whitened flight.
+    """Channels of a whitened flight that have the same rows, columns and kinds of errors.
 
     Attributes
     ----------
     at : (n,) usable rows.
     columns : (k,) numbers of the columns that act there.
-    y : (n,) residuals.
-    unfiltered : those k columns before they are whitened, (m,) each.
-    innovation : returns what whitens them, (n, m).
-    drive_errors : (n, d) model errors of a drive, of unit prior sd.
+    y : (g, n) residuals of g channels.
+    unfiltered : those k columns of each channel.
+    innovations : what whitens columns (g, w, m).
+    drive_errors : (g, d, n) model errors of a drive, of unit prior sd.
     by_feedback : errors that feedback may have caused.
 
     Notes
@@ -91,44 +116,57 @@ class WhitePart:
     at: np.ndarray
     columns: np.ndarray
     y: np.ndarray
-    unfiltered: tuple[np.ndarray, ...]
-    innovation: Callable[[], csr_array]
+    unfiltered: Columns
+    innovations: Callable[[np.ndarray], np.ndarray]
     drive_errors: np.ndarray
     by_feedback: tuple[FeedbackErrors, ...] = ()
 
     @property
     def feedback_errors(self) -> np.ndarray:
-        """Columns of unit prior sd, (n, j): model errors of a drive, and those by feedback."""
-        if not self.by_feedback:
-            return self.drive_errors
-        innovation = self.innovation()
-        return np.hstack([self.drive_errors, *(e.errors(innovation) for e in self.by_feedback)])
+        """Columns of unit prior sd, (g, j, n): model errors of a drive, and those by feedback."""
+        errors = [self.whitened(e.unfiltered) * e.size[..., None] for e in self.by_feedback]
+        return np.concatenate([self.drive_errors, *errors], axis=1)
+
+    def whitened(self, columns: Columns) -> np.ndarray:
+        """Return columns of each channel whitened.
+
+        Parameters
+        ----------
+        columns : w of each channel.
+
+        Returns
+        -------
+        (g, w, n).
+        """
+        flat = [column for own in columns for column in own]
+        if not flat:
+            return np.zeros((len(self.y), 0, len(self.at)))
+        return self.innovations(np.concatenate(flat).reshape(len(columns), len(columns[0]), -1))
 
     def of(self, wanted: Indices) -> np.ndarray:
         """Return some whitened columns.
 
         Parameters
         ----------
-        wanted : numbers of w columns.
+        wanted : numbers of w of the columns that act there.
 
         Returns
         -------
-        (n, w), zero for columns that do not act there.
+        (g, w, n).
         """
-        innovation = self.innovation()
-        return innovation @ pick_columns(self.unfiltered, self.columns, wanted, innovation.shape[1])
+        places = np.searchsorted(self.columns, wanted)
+        return self.whitened(tuple(tuple(own[i] for i in places) for own in self.unfiltered))
 
     @functools.cached_property
-    def products(
-        self,
-    ) -> tuple[tuple[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Products of all columns that act there with residuals, and with feedback errors.
+    def products(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Products of all columns that act there and the residuals, and with feedback errors.
 
-        Columns with columns (k, k), columns with residuals (k,), residuals with residuals; errors
-        with errors (j, j), columns with errors (k, j), errors with residuals (j,).
+        Columns with residuals behind them, with themselves (g, k + 1, k + 1); errors with errors
+        (g, j, j) and with those (g, j, k + 1).
         """
-        x, y, errors = self.of(self.columns), self.y, self.feedback_errors
-        return (x.T @ x, x.T @ y, float(y @ y)), (errors.T @ errors, x.T @ errors, errors.T @ y)
+        rows = np.concatenate([self.of(self.columns), self.y[:, None]], axis=1)
+        errors, turned = self.feedback_errors, rows.swapaxes(1, 2)
+        return rows @ turned, errors @ errors.swapaxes(1, 2), errors @ turned
 
     def with_feedback_errors(self, errors: FeedbackErrors) -> WhitePart:
         """Return a copy with more errors that feedback may have caused.
@@ -146,7 +184,7 @@ class White:
 
     Attributes
     ----------
-    parts : channels with usable rows.
+    parts : channels with usable rows, by what they have in common.
     count : number of all columns.
     """
 
@@ -156,7 +194,7 @@ class White:
 
 def noise_residuals(
     system: System,
-    channel: int,
+    channels: Sequence[int],
     chosen: Sequence[int] = (),
     together: Mapping[int, float] = MappingProxyType({}),
 ) -> list[np.ndarray]:
@@ -167,59 +205,74 @@ def noise_residuals(
     Parameters
     ----------
     system : of the flights.
-    channel : its number.
-    chosen : columns whose coefficients the channel alone decides.
+    channels : numbers of c channels.
+    chosen : columns whose coefficients each channel decides alone.
     together : coefficients of columns that act with these, but for one common factor: forms differ.
 
     Returns
     -------
-    By flight, (m,).
+    By flight, (c, m).
     """
-    kept = [
-        k for k, column in enumerate(system.columns) if column.nuisance is not None or k in chosen
-    ]
-    residuals = []
-    for r in system.flights:
-        here, acting = (np.intersect1d(at, r.x.at[channel]) for at in (kept, list(together)))
-        x = [r.x.of(channel, here)]
-        # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
-        prior_sds = [
-            math.hypot(n.sd, n.flight_sd, n.mean) if (n := system.columns[k].nuisance) else np.inf
-            for k in here
-        ]
-        if len(acting):
-            x.append(r.x.of(channel, acting) @ [[together[int(k)]] for k in acting])
-            prior_sds.append(np.inf)
-        y = np.where(r.air, r.y[:, channel], np.nan)
-        residuals.append(_ridge_residual(y, np.hstack(x), np.array(prior_sds)))
-    return residuals
+    nuisances = [k for k, column in enumerate(system.columns) if column.nuisance is not None]
+    kept, common = np.union1d(nuisances, chosen).astype(int), np.unique(list(together)).astype(int)
+    # all is drawn to zero here, so that a mean apart from zero has to be within reach, too
+    prior_sd = {
+        int(k): math.hypot(n.sd, n.flight_sd, n.mean)
+        if (n := system.columns[k].nuisance)
+        else math.inf
+        for k in kept
+    }
+
+    def of_flight(r: FlightRows) -> np.ndarray:
+        residuals = np.full((len(channels), len(r.y)), np.nan)
+        good = r.air[:, None] & np.isfinite(r.y)
+        groups: dict[tuple[bytes, bytes], list[int]] = {}
+        for i, c in enumerate(channels):
+            groups.setdefault((good[:, c].tobytes(), r.x.at[c].tobytes()), []).append(i)
+        for group in groups.values():
+            own = [channels[i] for i in group]
+            rows, at = good[:, own[0]], r.x.at[own[0]]
+            if not rows.any():
+                continue
+            here, acting = np.intersect1d(kept, at), np.intersect1d(common, at)
+            x = [np.stack([r.x.of(c, here).T for c in own])]
+            prior_sds = [prior_sd[k] for k in here.tolist()]
+            if len(acting):
+                sizes = [together[k] for k in acting.tolist()]
+                x.append(np.stack([[r.x.of(c, acting) @ sizes] for c in own]))
+                prior_sds.append(math.inf)
+            residuals[np.ix_(np.array(group), rows)] = _ridge_residuals(
+                r.y[rows][:, own].T, np.concatenate(x, axis=1)[..., rows], np.array(prior_sds)
+            )
+        return residuals
+
+    return each(of_flight, system.flights)
 
 
-def _ridge_residual(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.ndarray:
-    """Return the residual (m,) of a ridge regression.
+def _ridge_residuals(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.ndarray:
+    """Return residuals (g, n) of ridge regressions of g channels on k columns each, (g, k, n).
 
-    The ridge is the variance of the residual.
+    The ridge of each is the variance of its residual.
     """
-    good = np.isfinite(y)
-    residual = np.full(len(y), np.nan)
-    if not good.any():
-        return residual
-    y, x = y[good] - y[good].mean(), x[good] - x[good].mean(axis=0)
+    y = y - y.mean(axis=1, keepdims=True)
+    x = x - x.mean(axis=2, keepdims=True)
     # what has no prior sd may go far beyond what the residual could ask for
-    size, tiny = np.sqrt(np.mean(x**2, axis=0)), settings.numerics.tiny
-    far = settings.numerics.wide_factor * np.sqrt(np.mean(y**2)) / np.maximum(size, tiny)
+    size, tiny = np.sqrt(np.mean(x**2, axis=2)), settings.numerics.tiny
+    sd2 = np.mean(y**2, axis=1)
+    far = settings.numerics.wide_factor * np.sqrt(sd2)[:, None] / np.maximum(size, tiny)
     # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
     # that variance is what is left, so it is found by turns
-    x = x * np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
-    gram, right, sd2 = x.T @ x, x.T @ y, np.mean(y**2)
+    reach = np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
+    x = x * reach[..., None]
+    gram, right = x @ x.swapaxes(1, 2), x @ y[..., None]
+    least = np.maximum(settings.numerics.small * np.trace(gram, axis1=1, axis2=2), tiny)
     e = y
     for _ in range(settings.numerics.noise_rounds):
         # the least ridge keeps columns that are alike solvable where nothing is left
-        ridge = max(sd2, settings.numerics.small * np.trace(gram), settings.numerics.tiny)
-        e = y - x @ np.linalg.solve(gram + ridge * np.eye(len(gram)), right)
-        sd2 = np.mean(e**2)
-    residual[good] = e
-    return residual
+        ridge = np.maximum(sd2, least)[:, None, None] * np.eye(gram.shape[1])
+        e = y - (np.linalg.solve(gram + ridge, right).swapaxes(1, 2) @ x)[:, 0]
+        sd2 = np.mean(e**2, axis=1)
+    return e
 
 
 def _run(follows: np.ndarray) -> np.ndarray:
@@ -230,20 +283,22 @@ def _run(follows: np.ndarray) -> np.ndarray:
 
 
 def _past(y: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Return how many present rows every row (m,) directly follows.
+    """Return how many present rows every row of c channels (m, c) directly follows.
 
     It is -1 where the row is absent itself.
     """
-    there, at = np.isfinite(y), np.arange(len(y))
-    first = there & ((run == 0) | ~np.r_[False, there[:-1]])
-    return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0)), -1)
+    there, at = np.isfinite(y), np.arange(len(y))[:, None]
+    before = np.zeros_like(there)
+    before[1:] = there[:-1]
+    first = there & ((run == 0)[:, None] | ~before)
+    return np.where(there, at - np.maximum.accumulate(np.where(first, at, 0), axis=0), -1)
 
 
 def _rows_with_past(
     residual: np.ndarray, run: np.ndarray, order: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rows with a full past, their value and their past."""
-    at = np.flatnonzero(_past(residual, run) >= order)
+    at = np.flatnonzero(_past(residual[:, None], run) >= order)
     return at, residual[at], np.stack([residual[at - k] for k in range(1, order + 1)], axis=1)
 
 
@@ -283,25 +338,23 @@ def estimate_noise(
         [settings.noise.least_share * system.model.reference_scale(name) for name in system.names]
     )
 
+    every = range(len(system.names))
+    left = noise_residuals(system, every, chosen, together)
+    # the controller responded to what columns explain, too: so without them
+    plain = noise_residuals(system, every) if len(chosen) or together else None
+
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
-        residuals = noise_residuals(system, c, chosen, together)
+        residuals = [e[c] for e in left]
         ar, sd, growth = _channel_noise(system, residuals, runs, covariate)
         sd = max(sd, floor[c])
-        # the controller responded to what columns explain, too: so without them
-        has_columns = bool(len(chosen) or together)
         disturbance = (
-            _disturbance_size(noise_residuals(system, c), runs, ar, sd)
-            if has_columns and c in endogenous
+            _disturbance_size([e[c] for e in plain], runs, ar, sd)
+            if plain and c in endogenous
             else 1.0
         )
         return ar, sd, growth, disturbance, _noisiest_over_median(residuals)
 
-    return NoiseModel(
-        *(
-            np.array(values)
-            for values in zip(*each(of_channel, range(len(system.names))), strict=True)
-        )
-    )
+    return NoiseModel(*(np.array(values) for values in zip(*each(of_channel, every), strict=True)))
 
 
 def _disturbance_size(
@@ -391,14 +444,22 @@ def whiten(
     for kind in dict.fromkeys(kind for _, power in whitened for kind, _ in power):
         of_kind = [{c: p for (k, c), p in power.items() if k == kind} for _, power in whitened]
         for rows, (parts, _), bounds in zip(flights, whitened, _error_bounds(of_kind), strict=True):
-            for c, bound in bounds.items():
-                columns = tuple(rows.endogenous[kind, c].values())
-                errors = FeedbackErrors(columns, bound, noise.disturbance[c])
-                parts[c] = parts[c].with_feedback_errors(errors)
+            for group in parts:
+                if group[0] in bounds:
+                    errors = FeedbackErrors(
+                        _endogenous(rows, kind, group),
+                        np.stack([bounds[c] for c in group]),
+                        noise.disturbance[list(group)],
+                    )
+                    parts[group] = parts[group].with_feedback_errors(errors)
     return tuple(
         White(tuple(parts.values()), rows.x.shape[2])
         for rows, (parts, _) in zip(flights, whitened, strict=True)
     )
+
+
+def _endogenous(rows: FlightRows, kind: str, channels: Sequence[int]) -> Columns:
+    return tuple(tuple(rows.endogenous[kind, c].values()) for c in channels)
 
 
 def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
@@ -430,42 +491,71 @@ def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, n
 
 def _whiten_flight(
     rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
-) -> tuple[dict[int, WhitePart], dict[tuple[str, int], np.ndarray]]:
-    """Return whitened parts by channel, and mean squares of endogenous ones by kind and channel."""
-    run, parts, power = _run(rows.follows), {}, {}
+) -> tuple[dict[tuple[int, ...], WhitePart], dict[tuple[str, int], np.ndarray]]:
+    """Return whitened parts by their channels, and mean squares of endogenous ones.
+
+    The latter are by kind and channel.
+    """
+    parts: dict[tuple[int, ...], WhitePart] = {}
+    power: dict[tuple[str, int], np.ndarray] = {}
+    order, past = noise.ar.shape[1], _past(rows.y, _run(rows.follows))
     # replays settle from a start that they guess
-    later = rows.windows.center > (noise.ar.shape[1] + 1) * rows.windows.half
+    later = rows.windows.center > (order + 1) * rows.windows.half
     opening = later & ~rows.air
-    for c, weights in enumerate(filters):
-        past = _past(rows.y[:, c], run)
+    for group in _alike(rows, past, filters):
+        c, channels = group[0], list(group)
+        weights = np.stack([filters[c] for c in group])
         at = np.flatnonzero(
-            (past >= noise.ar.shape[1]) | (past >= 0) & opening & (len(weights) > 1)
+            (past[:, c] >= order) | (past[:, c] >= 0) & opening & (weights.shape[1] > 1)
         )
         if not len(at):
             continue
         # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
-        sd = noise.sd[c] * np.sqrt(1.0 + noise.growth[c] * covariate[at] ** 2)
-        filtering = functools.partial(_innovation, at, past[at], len(rows.y), weights, sd)
-        innovation = filtering()
+        growth = np.sqrt(1.0 + noise.growth[channels, None] * covariate[at] ** 2)
+        innovations = _innovations(at, past[at, c], weights, noise.sd[channels, None] * growth)
         drive_errors = (
-            (innovation @ rows.drive_error[c])[:, None]
+            innovations(np.array([[rows.drive_error[c]] for c in group]))
             if c in rows.drive_error
-            else np.zeros((len(at), 0))
+            else np.zeros((len(group), 0, len(at)))
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
-        parts[c] = WhitePart(
+        part = WhitePart(
             at,
             rows.x.at[c],
-            innovation @ rows.y[:, c],
-            rows.x.values[c],
-            filtering,
+            innovations(rows.y[:, None, channels].T)[:, 0],
+            tuple(rows.x.values[c] for c in group),
+            innovations,
             drive_errors,
         )
-        for (kind, channel), columns in rows.endogenous.items():
-            if channel == c:
-                whitened = innovation @ np.column_stack(list(columns.values()))
-                power[kind, c] = (whitened**2).mean(axis=0)
+        parts[group] = part
+        for kind in (kind for kind, channel in rows.endogenous if channel == c):
+            whitened = part.whitened(_endogenous(rows, kind, group))
+            mean_squares = (whitened**2).mean(axis=2)
+            power.update(((kind, c), own) for c, own in zip(group, mean_squares, strict=True))
     return parts, power
+
+
+def _alike(
+    rows: FlightRows, past: np.ndarray, filters: Sequence[np.ndarray]
+) -> list[tuple[int, ...]]:
+    """Return the channels in groups of the same rows, columns and kinds of errors.
+
+    Many small products of matrices take less time in one call.
+    """
+    groups: dict[tuple, list[int]] = {}
+    errors: dict[int, list[tuple[str, int]]] = {}
+    for (kind, c), parts in rows.endogenous.items():
+        errors.setdefault(c, []).append((kind, len(parts)))
+    for c, weights in enumerate(filters):
+        alike = (
+            past[:, c].tobytes(),
+            len(weights),
+            rows.x.at[c].tobytes(),
+            tuple(errors.get(c, ())),
+            c in rows.drive_error,
+        )
+        groups.setdefault(alike, []).append(c)
+    return [tuple(group) for group in groups.values()]
 
 
 def _full_filter(ar: np.ndarray) -> np.ndarray:
@@ -501,20 +591,16 @@ def _prediction_filter(ar: np.ndarray) -> np.ndarray:
     )
 
 
-def _innovation(
-    at: np.ndarray, past: np.ndarray, count: int, weights: np.ndarray, sd: np.ndarray
-) -> csr_array:
-    """Return matrix that turns ``count`` rows into innovations over ``sd`` of those at ``at``.
-
-    Each is predicted from its ``past`` rows.
-    """
-    order = weights.shape[1] - 1
+def _innovations(
+    at: np.ndarray, past: np.ndarray, weights: np.ndarray, sd: np.ndarray
+) -> Innovations:
+    """Return what predicts the rows ``at`` from their ``past`` rows, over ``sd``."""
     # lines count from the last, the full filter, which may be the only one;
     # places before the known past repeat its first row, with weight zero
+    order = weights.shape[2] - 1
     lags = np.minimum(past, order)
-    values = weights[lags - order - 1] / sd[:, None]
-    before = at[:, None] - np.minimum(np.arange(order + 1), lags[:, None])
-    return csr_array(
-        (values.ravel(), before.ravel(), np.arange(len(at) + 1) * (order + 1)),
-        shape=(len(at), count),
-    )
+    if (lags == order).all() and at[-1] - at[0] == len(at) - 1:
+        rows = tuple(slice(at[0] - lag, at[-1] + 1 - lag) for lag in range(order + 1))
+        return Innovations(rows, slice(-1, None), weights, sd)
+    before = tuple(at - np.minimum(lag, lags) for lag in range(order + 1))
+    return Innovations(before, lags - order - 1, weights, sd)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -25,11 +24,11 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
     Gram,
     Regression,
+    block_grams,
     gram_of,
     make_regression,
     marginalise_deviations,
     whiten_system,
-    whitened_against_feedback,
 )
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
@@ -116,11 +115,18 @@ def joint_fit(
         np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])]
         for f in range(len(regression.whites))
     ]
-    kept = np.r_[chosen, common, varies]
+    # what varies and is not shared comes last; numbers that do both stand once
+    shared = np.r_[chosen, common]
+    kept = np.r_[shared, np.setdiff1d(varies, shared)]
+    by_block = _by_block(regression, kept) if sizes[0] else []
+    wholes = [sum(grams[1:], grams[0]) for grams in by_block] or [
+        gram.take(kept) for gram in each(gram_of, regression.whites)
+    ]
+    order = np.array([np.flatnonzero(kept == k)[0] for k in np.r_[shared, varies]], dtype=int)
     # priors are rows too; each flight reaches the shared unknowns and its own alone (an arrow)
     xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
-    for whole, at in zip(each(gram_of, regression.whites), places, strict=True):
-        gram = whole.take(kept)
+    for whole, at in zip(wholes, places, strict=True):
+        gram = whole.take(order)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
         yy += gram.yy
@@ -134,10 +140,13 @@ def joint_fit(
         room[i] = correction_bounds(nuisances[k].key, regression.system.model)
     if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
         beta = _bounded_solution(xx, xy, unit, room)
-    shared, row_covariance = start[2], inverse[: sizes[0], : sizes[0]]
+    row_covariance = inverse[: sizes[0], : sizes[0]]
     covariance = row_covariance
     if sizes[0]:
-        sds = _jackknife_sds(regression, kept[:shared], mean[:shared], precision[:shared])
+        flight_sd = np.array([nuisances[k].flight_sd for k in varies])
+        sds = _jackknife_sds(
+            by_block, mean[: start[2]], precision[: start[2]], order[start[2] :], flight_sd
+        )
         # sds alone are widened, never narrowed: correlations stay those of the rows
         factor = np.maximum(1.0, sds[: sizes[0]] / np.sqrt(np.diag(row_covariance)))
         covariance = row_covariance * np.outer(factor, factor)
@@ -149,7 +158,7 @@ def joint_fit(
         # |y - x beta|^2 and the priors' share, also where a bound holds beta off the optimum
         yy - float((2.0 * xy - xx @ beta) @ beta),
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
-        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : shared]), strict=True)),
+        dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
     )
 
@@ -179,7 +188,11 @@ def _bounded_solution(
 
 
 def _jackknife_sds(
-    regression: Regression, shared: np.ndarray, mean: np.ndarray, precision: np.ndarray
+    by_block: Sequence[Sequence[Gram]],
+    mean: np.ndarray,
+    precision: np.ndarray,
+    varies: np.ndarray,
+    flight_sd: np.ndarray,
 ) -> np.ndarray:
     """Return sds of shared coefficients over fits that leave out a block of time each.
 
@@ -188,31 +201,25 @@ def _jackknife_sds(
 
     Parameters
     ----------
-    regression : of the fit.
-    shared : (s,) numbers of the columns that all flights share.
+    by_block : normal equations by flight and block, with the s shared columns first.
     mean, precision : (s,) of their priors; precision is one over the variance.
+    varies : (v,) places of the columns that vary from flight to flight.
+    flight_sd : (v,) sds of these.
 
     References
     ----------
     CV3 of MacKinnon, Nielsen and Webb 2023, *Journal of Econometrics* 232, 272.
     """
-    nuisances = {int(k): nuisance_of(regression.system.columns[k]) for k in regression.nuisance}
-    varies = [k for k, n in nuisances.items() if n.flight_sd > 0]
-    flight_sd = np.array([nuisances[k].flight_sd for k in varies])
-    # what varies and is not shared has no common part, which has to be left out at the end
-    kept = np.array([*shared, *(k for k in varies if k not in shared)], dtype=int)
-    at = np.array([int(np.flatnonzero(kept == k)[0]) for k in varies], dtype=int)
-    blocks = regression.system.blocks(settings.statistics.block_s)
-    by_block = each(lambda w, b: _block_grams(w, kept, b), regression.whites, blocks)
     whole = [sum(grams[1:], grams[0]) for grams in by_block]
-    own = [marginalise_deviations(gram, at, flight_sd) for gram in whole]
+    own = [marginalise_deviations(gram, varies, flight_sd) for gram in whole]
     total = sum(own[1:], own[0])
     rests = [total] + [
-        total - own[f] + marginalise_deviations(whole[f] - gram, at, flight_sd)
+        total - own[f] + marginalise_deviations(whole[f] - gram, varies, flight_sd)
         for f, grams in enumerate(by_block)
         for gram in grams
     ]
-    n = len(shared)
+    # what varies and is not shared has no common part
+    n = len(mean)
     xx = np.array([g.xx[:n, :n] for g in rests]) + np.diag(precision)
     xy = np.array([g.xy[:n] for g in rests]) + precision * mean
     # coefficients differ by many orders in their units
@@ -226,20 +233,21 @@ def _jackknife_sds(
     return sds * stdtrit(freedom, ndtr(SDS_95)) / SDS_95
 
 
+def _by_block(regression: Regression, kept: np.ndarray) -> list[list[Gram]]:
+    """Return normal equations of the kept columns by flight and block of time."""
+    blocks = regression.system.blocks(settings.statistics.block_s)
+    return each(lambda w, b: _block_grams(w, kept, b), regression.whites, blocks)
+
+
 def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram]:
     """Return normal equations of the kept columns by block of time of one flight."""
     number = np.unique(block, return_inverse=True)[1]
-    grams = [Gram(np.zeros((len(kept),) * 2), np.zeros(len(kept)), 0.0, 0.0)] * int(
-        number.max(initial=-1) + 1
-    )
+    empty = Gram(np.zeros((len(kept),) * 2), np.zeros(len(kept)), 0.0, 0.0)
+    grams = [empty] * int(number.max(initial=-1) + 1)
     for part in white.parts:
-        d, y = whitened_against_feedback(part, kept)
-        # rows come in order of time, so that a block is one run of them
-        first = np.flatnonzero(np.diff(number[part.at], prepend=-1))
-        for a, b in itertools.pairwise([*first.tolist(), len(y)]):
-            own, left = d[a:b], y[a:b]
-            i = number[part.at[a]]
-            grams[i] = grams[i] + Gram(own.T @ own, own.T @ left, float(left @ left), float(b - a))
+        places = np.flatnonzero(np.isin(kept, part.columns))
+        for i, gram in block_grams(part, kept[places], number):
+            grams[i] = grams[i] + gram.spread(places, len(kept))
     return grams
 
 

@@ -192,7 +192,7 @@ def _cost(regression: Regression, step: Mapping[str, float]) -> float:
         dataclasses.replace(
             r,
             y=r.y if flown is None else flown[i],
-            x=table_of([r.x.column(k) for k in varying], *r.y.shape),
+            x=table_of(r.x.columns(varying), *r.y.shape),
         )
         for i, r in enumerate(system.flights)
     ]

@@ -112,13 +112,14 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     for some in nested_parts(flights):
         alone = build(some, at_corrections(nominal, corrections), (), length_s=length_s)
         corrections = operating_point(*null_fit(alone), nominal) or corrections
+    at, whole = at_corrections(nominal, corrections), None
     for _ in range(settings.numerics.noise_rounds):
-        alone = build(flights, at_corrections(nominal, corrections), (), length_s=length_s)
-        more = operating_point(*null_fit(alone), nominal)
+        whole = build(flights, at, (), length_s=length_s)
+        more = operating_point(*null_fit(whole), nominal)
         if not more:
             break
-        corrections = more
-    system = first_system(flights, at_corrections(nominal, corrections))
+        at, whole = at_corrections(nominal, more), None
+    system = first_system(flights, at, whole)
     regression, joint = null_fit(system)
     joint = checked_fit(regression, joint)
     regimes = regimes_of(system)
@@ -171,13 +172,14 @@ def _middle(flight: Prepared, seconds: float) -> Prepared:
     return flight.between(start, start + rows)
 
 
-def first_system(flights: Sequence[Prepared], model: Model) -> System:
+def first_system(flights: Sequence[Prepared], model: Model, like: System | None = None) -> System:
     """Return the system of a vehicle with all candidates without prerequisites.
 
     Parameters
     ----------
     flights : prepared recordings.
     model : what residuals and columns are computed with.
+    like : system of the same flights and model, whose columns are reused.
     """
     variants = [v for c in candidates_of(flights, model) for v in c.variants]
-    return build(flights, model, variants, length_s=window_length_s(flights))
+    return build(flights, model, variants, like, window_length_s(flights))

@@ -6,6 +6,7 @@ Nuisances are integrated out, common ones and those by flight; see section 7 of 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
@@ -106,6 +107,18 @@ class Gram:
         """
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
+    def spread(self, places: np.ndarray, count: int) -> Gram:
+        """Return the normal equations among more columns, which do not act.
+
+        Parameters
+        ----------
+        places : (K,) where these columns stand.
+        count : number of all columns.
+        """
+        xx, xy = np.zeros((count, count)), np.zeros(count)
+        xx[np.ix_(places, places)], xy[places] = self.xx, self.xy
+        return Gram(xx, xy, self.yy, self.n)
+
 
 def gram_of(white: White, tempering: float = 1.0) -> Gram:
     """Return the normal equations of a whitened flight, with feedback errors integrated out.
@@ -125,30 +138,61 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
 
 
 def _gram_of_part(part: WhitePart, tempering: float) -> Gram:
-    of_rows, of_errors = part.products
-    gram = Gram(*of_rows, float(len(part.at))).scale(tempering)
-    if not len(of_errors[0]):
-        return gram
-    return _marginalise_copies(gram, *(tempering * product for product in of_errors))
+    whole, inner, cross = (tempering * product for product in part.products)
+    # Woodbury: (1 + C C^T)^-1 = 1 - C (1 + C^T C)^-1 C^T for the errors C
+    whole = whole - cross.swapaxes(1, 2) @ np.linalg.solve(np.eye(inner.shape[1]) + inner, cross)
+    count = tempering * float(part.y.size)
+    return _gram_with_residuals(whole.sum(axis=0), count)
 
 
-def whitened_against_feedback(part: WhitePart, wanted: Indices) -> tuple[np.ndarray, np.ndarray]:
+def _gram_with_residuals(products: np.ndarray, count: float) -> Gram:
+    """Return normal equations from products of columns with the residual behind them."""
+    return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), count)
+
+
+def block_grams(part: WhitePart, wanted: np.ndarray, block: np.ndarray) -> list[tuple[int, Gram]]:
+    """Return normal equations by block of time, with feedback errors as in :func:`gram_of`.
+
+    Parameters
+    ----------
+    part : channels of a whitened flight.
+    wanted : numbers of w of the columns that act there.
+    block : (m,) number of the block of every row.
+
+    Returns
+    -------
+    Number of the block and normal equations of each.
+    """
+    rows, number = whitened_against_feedback(part, wanted), block[part.at]
+    # rows come in order of time, so that a block is one run of them
+    first = np.flatnonzero(np.diff(number, prepend=-1)).tolist()
+    grams = []
+    for a, b in itertools.pairwise([*first, len(number)]):
+        own = rows[..., a:b]
+        products = (own @ own.swapaxes(1, 2)).sum(axis=0)
+        grams.append((int(number[a]), _gram_with_residuals(products, float(len(own) * (b - a)))))
+    return grams
+
+
+def whitened_against_feedback(part: WhitePart, wanted: Indices) -> np.ndarray:
     """Return rows whose products are those of :func:`gram_of`.
 
     Parameters
     ----------
-    part : one channel of a whitened flight.
-    wanted : numbers of w columns.
+    part : channels of a whitened flight.
+    wanted : numbers of w of the columns that act there.
 
     Returns
     -------
-    Columns (n, w) and residuals (n,), shrunk along the feedback errors.
+    Columns with the residual behind them (g, w + 1, n), shrunk along the feedback errors.
     """
-    # (1 + A A^T)^(-1/2) for the feedback errors A: 1 / sqrt(1 + s^2) along each left singular
-    # vector
-    u, size, _ = np.linalg.svd(part.feedback_errors, full_matrices=False)
-    x, removed = part.of(wanted), u * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
-    return x - removed @ (u.T @ x), part.y - removed @ (u.T @ part.y)
+    rows, errors = np.concatenate([part.of(wanted), part.y[:, None]], axis=1), part.feedback_errors
+    # (1 + A A^T)^(-1/2) = 1 - A V (1 / (r + r^2)) V^T A^T for the feedback errors A, where
+    # A^T A = V s V^T and r^2 = 1 + s
+    size, v = np.linalg.eigh(errors @ errors.swapaxes(1, 2))
+    root = np.sqrt(1.0 + np.maximum(size, 0.0))
+    shrunk = (v / (root * (1.0 + root))[:, None]) @ v.swapaxes(1, 2)
+    return rows - (shrunk @ (errors @ rows.swapaxes(1, 2))).swapaxes(1, 2) @ errors
 
 
 def _marginalise_copies(

@@ -146,8 +146,9 @@ def _hidden_in_noise(
     channels = np.flatnonzero(noisy).tolist()
     if not listed or not channels:
         return []
+    left = noise_residuals(system, channels, chosen)
     share = np.max(
-        [_explained_share(system, c, noise_residuals(system, c, chosen), listed) for c in channels],
+        [_explained_share(system, c, [e[i] for e in left], listed) for i, c in enumerate(channels)],
         axis=0,
     )
     # most explained first: of an effect the first variant that comes is its best

@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from ges.conventions import GRAVITY_M_S2 as _G
 from ges.conventions import POSITION, QUATERNION, VELOCITY, command
@@ -197,6 +196,9 @@ def _velocity(t_s: np.ndarray, p: np.ndarray) -> np.ndarray:
     ----------
     Savitzky and Golay, Analytical Chemistry 36, 1964.
     """
+    # here, as it takes a third of a second, and one kind of log alone needs it
+    from scipy.signal import savgol_filter
+
     usual_s = float(np.median(np.diff(t_s)))
     # an odd number of samples, centred
     window = 2 * int(0.5 * _CUBIC_S / usual_s) + 1

@@ -7,10 +7,9 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 import numpy as np
-import pint
 import pydantic
 import yaml
 from pydantic_core import ErrorDetails
@@ -28,6 +27,9 @@ from ges.errors import UsageError, unknown_name
 from ges.plain_yaml import read_yaml
 from ges.recordings.readers import frames
 from ges.recordings.recording import unit_of
+
+if TYPE_CHECKING:
+    import pint
 
 
 class _StrictMap(pydantic.BaseModel):
@@ -121,6 +123,8 @@ Map = TypeVar("Map", bound=pydantic.BaseModel)
 
 @functools.cache
 def _units() -> pint.UnitRegistry:
+    import pint
+
     registry: pint.UnitRegistry = pint.UnitRegistry(on_redefinition="ignore")
     # pint's own g is the gram
     registry.define("g = 9.80665 * meter / second ** 2")
@@ -146,6 +150,9 @@ def unit_factor(unit: str, target: str | None) -> float:
     >>> unit_factor("mV", "V")
     0.001
     """
+    # here, as it takes 0.1 s, and few runs read a table with units
+    import pint
+
     try:
         one = _units().Quantity(1.0, unit)
         return float((one.to(target) if target and target != "1" else one.to_base_units()).m)
