@@ -1,7 +1,7 @@
 """What matters at least, what is declared and contradicted, and what is left unexplained."""
 
 import dataclasses
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -47,11 +47,11 @@ def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
 PRIOR_SDS = {"inertia.yy": 0.1, "cg_offset.x_m": 0.002, SPEED: 10.0}
 
 
-def _declared(common, but=(), acting=1.0):
-    keys = ("inertia.yy", "cg_offset.x_m", SPEED)
-    columns = [nuisance(k, PRIOR_SDS[k]) for k in keys]
-    rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in keys])
-    model = dataclasses.replace(MODEL, prior_sds=PRIOR_SDS)
+def _declared(common, but=(), acting=1.0, more=MappingProxyType({})):
+    sds = {**PRIOR_SDS, **more}
+    columns = [nuisance(k, sd) for k, sd in sds.items()]
+    rows = rows_of(np.zeros((5, 1)), [{0: np.full(5, acting)} for _ in sds])
+    model = dataclasses.replace(MODEL, prior_sds=sds)
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ())
     return contradicted_parameters(joint, system_of(("force_z",), columns, [rows], model), but)
 
@@ -83,6 +83,8 @@ def test_what_stands_at_a_bound_of_the_library_is_no_wrong_number():
     """Something else drives it there, the other numbers of its effect, too."""
     assert _declared({"inertia.yy": 3.0}) == [] and _declared({"inertia.yy": -0.7}) == []
     assert len(_declared({"inertia.yy": 2.9})) == 1
+    fast = {"motor_lag.up_s": -0.02}
+    assert [c.key for c in _declared(fast, more={"motor_lag.up_s": 0.002})] == list(fast)
 
 
 def test_what_fell_in_a_full_fit_is_no_fault_of_the_file():

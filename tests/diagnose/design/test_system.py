@@ -185,7 +185,7 @@ def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late()
         return found.sd
 
     own = effect_table.get("esc_delay").parameter("delay_s").prior.sd
-    pole = MODEL.number("motor_time_constant_s") / 3.0 / np.sqrt(3.0)
+    pole = MODEL.number("motor_time_constant_s") / 4.0 / np.sqrt(3.0)
     assert prior_sd(hovering()) == pytest.approx(np.hypot(own, pole))
     held = hovering().replace(command_hold=CommandHold(0.5, 0.4))
     assert prior_sd(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
@@ -310,7 +310,7 @@ def test_a_lag_is_doubtful_by_what_a_command_does_between_two_rows():
         model = dataclasses.replace(MODEL, prior_sds={"motor_lag.up_s": sd, "motor_lag.down_s": sd})
         found = {n.key: n.sd for n in nuisances(model, ("drive_1",), flights)}
         by_sd[sd] = found.get("motor_lag.up_s")
-    pole_s = MODEL.number("motor_time_constant_s") / 3.0 / np.sqrt(3.0)
+    pole_s = MODEL.number("motor_time_constant_s") / 4.0 / np.sqrt(3.0)
     # uniform over a row of 10 ms
     assert by_sd[1e-3] == pytest.approx(np.sqrt(1e-3**2 + 0.01**2 / 12.0 + pole_s**2))
     assert by_sd[0.0] is None, "what a file knows exactly stays so"

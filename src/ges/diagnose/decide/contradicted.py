@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection
 
 from ges.diagnose.decide.rules import SIGNIFICANT
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System, nuisance_of
-from ges.diagnose.estimate.fit import JointFit, correction_bounds
+from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import DecisionLog
@@ -116,12 +117,10 @@ def contradicted_parameters(
     The farthest first. A correction below the practical significance threshold does not count, nor
     one of an effect that stands at a bound of the library: something else is behind that.
     """
-    corrections, rounding = system.model.corrections, settings.numerics.small
     at_bound = {
         ParameterKey.of(key).effect
         for key, value in joint.common.items()
-        for low, high in [correction_bounds(key, system.model)]
-        if value and not low + rounding < value - corrections.get(key, 0.0) < high - rounding
+        if _stands_at_bound(key, value, system.model)
     }
     model, share = system.model, rms_of(system) / least_sizes(system)[:, None]
     contradicted = [
@@ -136,6 +135,21 @@ def contradicted_parameters(
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
     ]
     return sorted(contradicted, key=lambda c: -c.sds)
+
+
+def _stands_at_bound(key: str, value: float, model: Model) -> bool:
+    """Return whether a corrected number stands at a bound of the library.
+
+    A number that is nothing, as the lag of a fast motor, stands at none.
+    """
+    effect, name = ParameterKey.of(key)
+    if effect == "vehicle":
+        return False
+    parameter = effect_table.get(effect).parameter(name)
+    present = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[name]
+    corrected = present + value - model.corrections.get(key, 0.0)
+    bounds = (parameter.low, parameter.high)
+    return any(b and math.isclose(corrected, b, rel_tol=settings.numerics.small) for b in bounds)
 
 
 def _relative_correction(key: str, value: float, model: Model) -> float:

@@ -364,8 +364,8 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     rows = (
         max(f.command_hold.sd_rows for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
     )
-    # a second pole is no slower than the first: uniform between none and a third of the lag
-    pole = model.number("motor_time_constant_s") / 3.0 / math.sqrt(3.0)
+    # a second pole of none to half of the lag, and half of a pole is delay: uniform to a quarter
+    pole = model.number("motor_time_constant_s") / 4.0 / math.sqrt(3.0)
     return math.hypot(rows * row_s, pole)
 
 

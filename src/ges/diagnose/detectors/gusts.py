@@ -193,14 +193,14 @@ def find_gusts(
     if not forces:
         return None
     # of several scales the one on which they stand out most
-    found = [
+    by_ratio = [
         (ratio, gusts)
         for length_s in _stretch_lengths_s(forces)
         for ratio, gusts in _gusts_on(length_s, forces, system.model)
     ]
-    if not found:
+    if not by_ratio:
         return None
-    _, gusts = max(found, key=lambda pair: pair[0])
+    _, gusts = max(by_ratio, key=lambda pair: pair[0])
     # no news unless clearly stronger than the gusts that are known already
     expected = (
         0.0
