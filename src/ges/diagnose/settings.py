@@ -185,6 +185,12 @@ class StatisticsSettings:
         "Chance at which flights without any fault show a structure, or a shifted balance.",
         Convention("one in a hundred for each of two tests; not measured against other levels"),
     )
+    clear_sds: float = number(
+        3.0,
+        "sds",
+        "Deviation of a fitted effect, a gust or a calibrated number that counts.",
+        Convention("one in 370 of Gaussian errors"),
+    )
     least_gain: float = number(
         0.02,
         "",
@@ -248,13 +254,11 @@ class StatisticsSettings:
         return math.sqrt(float(fdtri(free, free, 1.0 - 2.0 * QUANTILES_95[0])))
 
     @property
-    def clear_sds(self) -> float:
-        """Deviation of a Gaussian, to either side, that is as good as certainly no chance."""
-        return -float(ndtri(0.5 * (1.0 - self.certain_probability)))
-
-    @property
     def certain_sds(self) -> float:
-        """The same of any nominal parameter of the library (Bonferroni's bound for all of them)."""
+        """Deviation of any nominal parameter of the library that is as good as certainly no chance.
+
+        Bonferroni's bound for all of them.
+        """
         return -float(ndtri(0.5 * (1.0 - self.certain_probability) / _nominal_parameter_count()))
 
     @property
@@ -575,6 +579,13 @@ class EvidenceSettings:
 class SearchSettings:
     """Which sets of candidates are compared, and their prior probabilities."""
 
+    size_probabilities: tuple[float, ...] = number(
+        (0.5, 0.3, 0.13, 0.05, 0.02),
+        "",
+        "Prior probability of none, one, two ... causes; the largest set has one less than these.",
+        Convention("every further cause is a third as likely; not measured"),
+        high=1.0,
+    )
     beam: int = number(
         3,
         "",

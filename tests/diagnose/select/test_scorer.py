@@ -3,7 +3,6 @@ frees.
 """
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from scipy.special import logsumexp
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import make_regression, posterior
 from ges.diagnose.select.scorer import entries, set_scorer
-from ges.diagnose.settings import using
+from ges.diagnose.settings import settings, using
 
 from ..synthetic import amplitude, nuisance, rows_of, system_of
 
@@ -65,9 +64,10 @@ def test_two_places_of_one_name_are_as_much_rarer_as_two_causes_are():
     regression = _regression([one, other, *pair])
     listed = {e.columns: e for e in entries(regression, _candidates(regression))}
     assert set(listed) == {(0,), (1,), (2, 3)}
-    # two variants of one place share the weight of one cause, the one of two has that of two
-    two = 0.5 * math.log(2.0)
-    expected = np.log(np.array([0.5, 0.5, two]) / (1.0 + two))
+    sizes = settings.search.size_probabilities
+    # two variants of one place share the weight of one cause, the one of two that of two
+    weight = np.array([0.5, 0.5, sizes[2] / sizes[1]])
+    expected = np.log(weight / np.array([1.0, 1.0, 1.0]) / (1.0 + sizes[2] / sizes[1]))
     found = [listed[k].log_share for k in ((0,), (1,), (2, 3))]
     np.testing.assert_allclose(found, expected)
 

@@ -77,7 +77,7 @@ def test_every_pair_is_weighed_and_no_set_twice():
     sets = [h.names for h in found.hypotheses]
     assert len(set(sets)) == len(sets)
     assert sum(len(names) == 2 for names in sets) == 6 and sum(len(n) == 1 for n in sets) == 4
-    assert max(map(len, sets)) == 2, "no name is better than none, nor two than one"
+    assert max(map(len, sets)) == len(settings.search.size_probabilities) - 1
 
 
 def test_no_set_has_two_shapes_of_one_name():
@@ -96,8 +96,7 @@ def test_prior_of_one_cause_is_shared_among_all_of_them():
     """
     regression, listed = _regression({}, KEYS[:2], flights=1)
     found = search(regression, listed)
-    mean = np.log(2.0)
-    size = 0.5 * np.array([1.0, mean, mean**2 / 2.0])
+    size = settings.search.size_probabilities
     for h in found.hypotheses:
         count = {0: 1.0, 1: 2.0, 2: 1.0}[len(h.names)]
         assert h.log_prior == pytest.approx(np.log(size[len(h.names)] / count))

@@ -44,6 +44,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
+from ges.simulator.laws import LAW
 from ges.threads import each
 
 
@@ -89,7 +90,7 @@ class Accepted:
     @property
     def modelled(self) -> tuple[str, ...]:
         """The names, and what the first of the alternatives adds."""
-        return tuple(self.fitted.effects) if self.fitted else ()
+        return tuple(n for n in self.fitted.effects if n != LAW) if self.fitted else ()
 
 
 def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = None) -> Accepted:

@@ -62,28 +62,13 @@ def entries(regression: Regression, candidates: Sequence[Candidate]) -> list[Ent
     ]
 
 
-def log_size_prior(count: int) -> float:
-    """Return the log prior of so many causes; (7) of docs/method.md.
-
-    Parameters
-    ----------
-    count : of the causes.
-
-    Notes
-    -----
-    Causes are independent, so their number is Poisson's; that there is none is an even chance.
-    """
-    mean = math.log(2.0)
-    return count * math.log(mean) - mean - math.lgamma(count + 1)
-
-
 def _log_shares(variants: Sequence[tuple[str, int]]) -> list[float]:
     """Return log priors of variants, given by name and number of places, among those of their name.
 
     Several places are as much rarer than one as several causes are.
     """
-    many = Counter(variants)
-    weight = {(n, k): math.exp(log_size_prior(k) - log_size_prior(1)) for n, k in many}
+    many, sizes = Counter(variants), settings.search.size_probabilities
+    weight = {(n, k): sizes[k] / sizes[1] for n, k in many}
     total: dict[str, float] = {}
     for name, places in many:
         total[name] = total.get(name, 0.0) + weight[name, places]

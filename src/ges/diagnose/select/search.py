@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import heapq
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
@@ -14,7 +13,7 @@ from scipy.special import logsumexp
 from ges.diagnose.design.system import variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, has_prerequisite, modifiers_of
 from ges.diagnose.select.evidence import Posterior, Regression
-from ges.diagnose.select.scorer import Entry, SetScorer, entries, log_size_prior, set_scorer
+from ges.diagnose.select.scorer import Entry, SetScorer, entries, set_scorer
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
 
@@ -100,7 +99,9 @@ def _log_prior(names: Sequence[str], count: int) -> float:
     """Return log prior of one set of this size among all of them; (7) of docs/method.md."""
     size = cause_count(names)
     # (7) of docs/method.md: all sets of one size share the prior of that size
-    return log_size_prior(size) - math.log(max(1, math.comb(count, size)))
+    return float(
+        np.log(settings.search.size_probabilities[size]) - np.log(max(1, math.comb(count, size)))
+    )
 
 
 def log_odds_against_one_of(count: int) -> float:
@@ -110,7 +111,8 @@ def log_odds_against_one_of(count: int) -> float:
     ----------
     count : how many causes are possible.
     """
-    return log_size_prior(0) - log_size_prior(1) + math.log(count)
+    none, one, *_ = settings.search.size_probabilities
+    return math.log(none / one * count)
 
 
 def log_rarity(names: Sequence[str]) -> float:
@@ -155,18 +157,10 @@ def _hypotheses_of(
     return out
 
 
-def _best_of_size(size: int, hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Return the best few of the sets of so many names, the best first."""
-    alike = (h for h in hypotheses if len(h.names) == size)
-    return heapq.nlargest(settings.search.beam, alike, key=lambda h: h.log_evidence)
-
-
 def search(
     regression: Regression, candidates: Sequence[Candidate], base: Sequence[str] = ()
 ) -> SearchResult:
     """Evaluate the null, all singles, all pairs, and larger sets grown from the best.
-
-    They grow until the best of a size is no better than the best with a name less.
 
     Parameters
     ----------
@@ -188,11 +182,10 @@ def search(
         scorer, [c for c in combos if _can_act_together([e.name for e in c], base)], count
     )
     # beam: a larger set has one of the best sets so far, with its best variants, and one name more
-    by_number = {e.number: e for e in listed}
-    for size in itertools.count(2):
-        fewer, top = (_best_of_size(k, hypotheses.values()) for k in (size - 1, size))
-        if not top or top[0].log_evidence < fewer[0].log_evidence:
-            break
+    for size in range(2, len(settings.search.size_probabilities) - 1):
+        grown = [h for h in hypotheses.values() if len(h.names) == size]
+        top = sorted(grown, key=lambda h: -h.log_evidence)[: settings.search.beam]
+        by_number = {e.number: e for e in listed}
         larger = [
             (*(by_number[i] for i in h.variants), e)
             for h in top
