@@ -186,9 +186,9 @@ def find_gusts(
     The gusts. None where no drag is on, nothing scatters as they do, or no more than the nominal
     ones.
     """
-    channels = next((c for c in (ACC[:2], FORCE[:2]) if {*c} <= {*system.names}), None)
-    if channels is None or not shows_moving_air(system.model.effects):
+    if not shows_moving_air(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
+    channels = ACC[:2] if {*ACC[:2]} <= {*system.names} else FORCE[:2]
     forces = _force_windows(system, joint, channels)
     if not forces:
         return None
@@ -274,12 +274,16 @@ def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> lis
         for k, c in enumerate(system_of_wind.columns)
         if c.variant is not None and c.part != "moment"
     ]
-    channels, forces = np.array([system_of_wind.names.index(name) for name in names]), []
+    # the motion has to be known as well: a drag acts by it
+    channels, motion = (
+        np.array([system_of_wind.names.index(name) for name in two]) for two in (names, FORCE[:2])
+    )
+    forces = []
     for rows, residuals in zip(system_of_wind.flights, raw_residuals(system, joint), strict=True):
         force_per_wind = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         # can be inverted where the vehicle stands on edge
         force_per_wind += settings.numerics.small * np.abs(force_per_wind).max() * np.eye(2)
-        at = np.flatnonzero(np.isfinite(residuals[:, channels]).all(axis=1))
+        at = np.flatnonzero(np.isfinite(residuals[:, [*channels, *motion]]).all(axis=1))
         if force_per_wind.any() and len(at):
             wind = np.linalg.solve(force_per_wind[at], residuals[np.ix_(at, channels)][:, :, None])[
                 :, :, 0
