@@ -62,15 +62,8 @@ def _rank(found, true):
     return 2 if named == true else int(bool(named or open_names & true))
 
 
-# commands that hold within a row move the lag of motors that hardly turn faster or slower
-FALSE_LAG = pytest.mark.xfail(reason="a motor lag beside it, at 0.3 times the noise", strict=True)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[FALSE_LAG] if n == "weak_rotor, in hover" else []) for n in SETS],
-)
+@pytest.mark.parametrize("name", SETS)
 def test_more_data_or_less_noise_never_makes_an_answer_worse(name, sheet, monkeypatch):
     plan, effects = SETS[name]
     vehicle, ranks = sheet(), np.zeros((len(LENGTHS_S), len(NOISE_FACTORS)), dtype=int)

@@ -186,14 +186,8 @@ def test_a_cushion_that_any_speed_takes_away_is_one_that_fades(flown, vehicle):
     assert {f.name for f in found.findings} == set(fades), found.sentence
 
 
-# named still, but with rivals open beside it since the force is in the nominal mass: with the
-# moved mass, a planted payload is a thrust scale
-OPEN_BESIDE = pytest.mark.xfail(reason="a ceiling or a lift is open beside it", strict=True)
-
-
 def _marks(name: str) -> list:
-    opened = [OPEN_BESIDE] if name == "ground_effect_forward_flight" else []
-    return [*opened, *([] if name in QUICK else [pytest.mark.slow])]
+    return [] if name in QUICK else [pytest.mark.slow]
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=_marks(n)) for n in PLANTED])

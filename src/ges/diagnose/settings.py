@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextvars import ContextVar
 from typing import Any, cast, get_type_hints
 
 import pydantic
-from scipy.special import fdtri, ndtri
+from scipy.special import fdtri
 
 from ges.conventions import QUANTILES_95
 from ges.errors import UsageError, unknown_name
-from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,12 +157,6 @@ def probability(value: float, meaning: str, source: Source) -> Any:
 RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
 
 
-@functools.cache
-def _nominal_parameter_count() -> int:
-    """Return how many parameters of the library have a prior."""
-    return sum(p.prior is not None for e in effect_table.table().values() for p in e.parameters)
-
-
 @dataclasses.dataclass(frozen=True)
 class StatisticsSettings:
     """Levels of certainty that all stages share."""
@@ -190,6 +182,15 @@ class StatisticsSettings:
         "sds",
         "Deviation of a fitted effect, a gust or a calibrated number that counts.",
         Convention("one in 370 of Gaussian errors"),
+    )
+    certain_sds: float = number(
+        4.0,
+        "sds",
+        "Deviation from which a delay, an offset or a nominal parameter is no chance.",
+        Convention(
+            "one in 16,000 of honest prior sds, so that one of ten numbers is called in fewer than"
+            " one of a thousand vehicles"
+        ),
     )
     least_gain: float = number(
         0.02,
@@ -252,14 +253,6 @@ class StatisticsSettings:
         """
         free = self.folds - 1
         return math.sqrt(float(fdtri(free, free, 1.0 - 2.0 * QUANTILES_95[0])))
-
-    @property
-    def certain_sds(self) -> float:
-        """Deviation of any nominal parameter of the library that is as good as certainly no chance.
-
-        Bonferroni's bound for all of them.
-        """
-        return -float(ndtri(0.5 * (1.0 - self.certain_probability) / _nominal_parameter_count()))
 
     @property
     def possible_probability(self) -> float:

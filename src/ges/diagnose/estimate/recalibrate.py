@@ -44,20 +44,24 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     error = abs(_cost(regression, _step(regression, joint)) - joint.cost)
     if may_stop and error < settings.statistics.least_gain * joint.cost:
         return {}
-    reach = math.inf
+    reach, first = math.inf, regression
     for _ in range(settings.numerics.fit_rounds):
-        step, reach = _damped_step(regression, cost, joint, reach)
-        if step is None:
+        fit, reach = _damped_step(regression, cost, joint, reach)
+        if fit is None:
             break
-        corrections = dict(step.common)
+        corrections = dict(fit.common)
         regression = _linearise(regression, nominal, corrections)
         joint = joint_fit(regression, ())
         cost = _cost(regression, {})
         if cost - joint.cost < settings.statistics.least_gain * cost:
             break
-    # a number beyond its prior is no correction: the search tells what it is, from the file
+    # a number beyond its prior is no correction: the search tells what it is, from the file, unless
+    # the others are no good without it
     most = settings.statistics.certain_sds
-    return {k: v for k, v in corrections.items() if abs(v) <= most * _prior_sd(regression, k)}
+    within = {k: v for k, v in corrections.items() if abs(v) <= most * _prior_sd(first, k)}
+    step = {k: v - first.system.model.corrections.get(k, 0.0) for k, v in within.items()}
+    least = 1.0 + settings.statistics.least_gain
+    return within if _cost(first, step) <= least * _cost(first, {}) else corrections
 
 
 def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
