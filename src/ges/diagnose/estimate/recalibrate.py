@@ -44,7 +44,8 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     error = abs(_cost(regression, _step(regression, joint)) - joint.cost)
     if may_stop and error < settings.statistics.least_gain * joint.cost:
         return {}
-    reach, first = math.inf, regression
+    mostly_linear = _gains_as_predicted(regression, cost, joint, joint)
+    reach = math.inf
     for _ in range(settings.numerics.fit_rounds):
         fit, reach = _damped_step(regression, cost, joint, reach)
         if fit is None:
@@ -55,13 +56,11 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
         cost = _cost(regression, {})
         if cost - joint.cost < settings.statistics.least_gain * cost:
             break
-    # a number beyond its prior is no correction: the search tells what it is, from the file, unless
-    # the others are no good without it
+    # a number beyond its prior is no correction: the search tells what it is, from the file. Where
+    # not even most of the linear step holds it multiplies others, and moves with them
     most = settings.statistics.certain_sds
-    within = {k: v for k, v in corrections.items() if abs(v) <= most * _prior_sd(first, k)}
-    step = {k: v - first.system.model.corrections.get(k, 0.0) for k, v in within.items()}
-    least = 1.0 + settings.statistics.least_gain
-    return within if _cost(first, step) <= least * _cost(first, {}) else corrections
+    within = {k: v for k, v in corrections.items() if abs(v) <= most * _prior_sd(regression, k)}
+    return within if mostly_linear else corrections
 
 
 def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
