@@ -336,3 +336,13 @@ def test_size_speaks_where_no_mean_does(model):
     assert unexplained_structures([noisy], model) == [noisy]
     assert unexplained_structures([_structure(model), noisy], model) == [_structure(model)]
     assert unexplained_structures([dataclasses.replace(noisy, channel="range")], model) == []
+
+
+def test_vibration_grows_with_speed_in_any_flight_but_not_with_a_place(model):
+    noisy = _structure(model, "force_x", share=0.03, r2=0.15, of_size=True)
+    assert unexplained_structures([noisy], model) == []
+    somewhere = dataclasses.replace(
+        noisy, regime=("east_m", "north_m"), low=(0.0, 0.0), high=(1.0, 1.0)
+    )
+    assert unexplained_structures([somewhere], model) == [somewhere]
+    assert unexplained_structures([dataclasses.replace(somewhere, r2=0.08)], model) == []

@@ -696,6 +696,13 @@ class LocateSettings:
         Convention("near a third; not measured"),
         high=1.0,
     )
+    large_r2: float = number(
+        0.3,
+        "",
+        "Share of a channel's variance, predicted by a regime of flight, from which it is large.",
+        Convention("near a third; not measured"),
+        high=1.0,
+    )
     r2_least: float = number(
         0.1,
         "",

@@ -144,7 +144,8 @@ def test_a_place_that_no_single_variable_shows_is_an_entry_of_its_own():
         ({"q_value": 0.02}, False),
         ({"r2": 0.05}, False),
         ({"rms": 0.001}, False),
-        ({"of_size": True, "regime": ("east_m",)}, True),
+        ({"of_size": True, "r2": 0.2}, False),
+        ({"of_size": True, "r2": 0.2, "regime": ("east_m",)}, True),
         ({"channel": "unheard_of"}, False),
     ],
 )

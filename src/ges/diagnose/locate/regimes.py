@@ -11,7 +11,7 @@ from ges.conventions import SDS_95, rotor_columns
 from ges.diagnose.design.residual import replay_model
 from ges.diagnose.design.system import System
 from ges.diagnose.design.weak import Windows
-from ges.diagnose.locate.structure import Regimes, Structure, shared_variables, without_mean
+from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import Regression, contribution_of
@@ -171,9 +171,14 @@ def clear_structures(
         s
         for s in structures
         if s.q_value <= settings.statistics.chance
-        and s.r2 >= (settings.locate.r2_least if s.of_size else least_r2)
+        and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
     ]
     return [s for s in likely if s.rms > _least_rms_of(s, model, margin)]
+
+
+def _least_r2_of_size(s: Structure) -> float:
+    over_places = set(s.regime) <= set(PLACE)
+    return settings.locate.r2_least if over_places else settings.locate.large_r2
 
 
 def reported_structures(structures: Sequence[Structure], model: Model) -> list[Structure]:

@@ -334,12 +334,10 @@ def _size_structures(
     names: Sequence[str],
     blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    """Return the same test for the logarithm of the residuals' energy, over places and heights.
+    """Return the same test for the logarithm of the residuals' energy.
 
-    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime. Over
-    other regimes no size is tested: vibration and attitude noise grow with speed in any flight.
+    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime.
     """
-    places = [{name: t[name] for name in (*PLACE, HEIGHT) if name in t} for t in regimes]
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
     size = settings.design.response_windows
     energy = [
@@ -350,8 +348,10 @@ def _size_structures(
         np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
         for r, e in zip(residuals, energy, strict=True)
     ]
-    values = {name: np.concatenate([t[name] for t in places]) for name in shared_variables(places)}
-    structures = _mean_structures([without_mean(row) for row in logs], places, names, blocks)
+    values = {
+        name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
+    }
+    structures = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
     pooled = np.concatenate(energy)
     return [
         _as_size_structure(s, pooled[:, list(names).index(s.channel)], values) for s in structures
