@@ -422,7 +422,8 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     names = seal.cases(folder)
     seal.check(folder, list(seal.listed(folder)))
     truths = {n: seal.truth(folder, n) for n in names}
-    tool = _outcomes(truths, _diagnoses(folder / diagnosed, names))
+    diagnoses = _diagnoses(folder / diagnosed, names)
+    tool = _outcomes(truths, diagnoses)
     # a baseline that alarms more often would find more: all are cut at the alarms of the tool
     alarms = sum(a.alarm for a in tool if a.null)
     by_method = {diagnosed.removeprefix(OUT).removeprefix("-") or "ges": tool}
@@ -447,7 +448,6 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
         for m, outcomes in by_method.items()
         for name, values in scores(outcomes).items()
     ]
-    diagnoses = _diagnoses(folder / diagnosed, names)
     modelled = modelled_of_sets(folder, truths, diagnoses)
     laws = laws_of_sets(folder, truths, diagnoses)
     write_csv(out / "modelled.csv", pd.DataFrame(modelled))

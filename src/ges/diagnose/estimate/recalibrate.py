@@ -44,12 +44,13 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     error = abs(_cost(regression, _step(regression, joint)) - joint.cost)
     if may_stop and error < settings.statistics.least_gain * joint.cost:
         return {}
-    mostly_linear = _gains_as_predicted(regression, cost, joint, joint)
-    reach = math.inf
+    reach, whole, mostly_linear = math.inf, joint, False
     for _ in range(settings.numerics.fit_rounds):
         fit, reach = _damped_step(regression, cost, joint, reach)
         if fit is None:
             break
+        # only the first round can take the whole linear step
+        mostly_linear |= fit is whole
         corrections = dict(fit.common)
         regression = _linearise(regression, nominal, corrections)
         joint = joint_fit(regression, ())

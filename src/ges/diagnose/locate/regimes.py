@@ -166,6 +166,11 @@ def clear_structures(
     model : for reference scales, and structure that the calibration flights show.
     least_r2 : share of the variance, 0 to 1, that a structure must predict.
     margin : factor on the rms that it must reach.
+
+    Notes
+    -----
+    A structure of size must predict more, except over places: vibration and attitude noise grow
+    with speed in any flight.
     """
     likely = [
         s
@@ -174,11 +179,6 @@ def clear_structures(
         and s.r2 >= (_least_r2_of_size(s) if s.of_size else least_r2)
     ]
     return [s for s in likely if s.rms > _least_rms_of(s, model, margin)]
-
-
-def _least_r2_of_size(s: Structure) -> float:
-    over_places = set(s.regime) <= set(PLACE)
-    return settings.locate.r2_least if over_places else settings.locate.large_r2
 
 
 def reported_structures(structures: Sequence[Structure], model: Model) -> list[Structure]:
@@ -190,6 +190,11 @@ def reported_structures(structures: Sequence[Structure], model: Model) -> list[S
     model : as for :func:`clear_structures`.
     """
     return clear_structures(structures, model, settings.locate.r2_least)
+
+
+def _least_r2_of_size(s: Structure) -> float:
+    over_places = set(s.regime) <= set(PLACE)
+    return settings.locate.r2_least if over_places else settings.locate.large_r2
 
 
 def _least_rms_of(s: Structure, model: Model, margin: float) -> float:

@@ -24,7 +24,7 @@ from scipy.sparse import csr_array
 from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.settings import settings
 
-PLACE, HEIGHT = ("east_m", "north_m"), "height_over_radius"
+PLACE = ("east_m", "north_m")
 RUNNING = frozenset({"time_s", "battery_V"})
 SPEEDS = ("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s")
 TOGETHER = (
@@ -161,7 +161,7 @@ def _least_spread(name: str, values: np.ndarray) -> float:
 
     A height has to vary by a large part of itself.
     """
-    if name == HEIGHT:
+    if name == "height_over_radius":
         return settings.locate.height_spread_least * float(np.median(values))
     spreads = name in (*SPEEDS, *PLACE)
     return settings.locate.spread_least if spreads else settings.numerics.tiny
