@@ -40,5 +40,6 @@ def one_sentence(told: subprocess.CompletedProcess, code: int = 1) -> str:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file of a folder, hidden ones among them."""
-    return {p.name: p.read_bytes() for p in folder.iterdir()}
+    """Every file of a folder and of its folders, hidden ones among them."""
+    files = (p for p in folder.rglob("*") if p.is_file())
+    return {str(p.relative_to(folder)): p.read_bytes() for p in files}

@@ -36,7 +36,12 @@ COLOURS = {
 # grey, hatched and full, dotted, dashed and solid: stages differ in black and white, too
 HATCHES = {"before": "", "recalibrated": "///", "names_only": "...", "after": ""}
 LINES = {"before": ":", "recalibrated": "--", "names_only": "-.", "after": "-"}
+# whoever imports this may have drawn in another style before: the same figure is the same bytes
 STYLE = {
+    "font.family": "DejaVu Sans",
+    "mathtext.fontset": "dejavusans",
+    "figure.constrained_layout.use": False,
+    "axes.grid": False,
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
