@@ -76,6 +76,13 @@ def test_a_declared_number_is_said_by_its_correction(content):
     )
 
 
+def test_a_correction_has_the_unit_of_its_number(content):
+    """Thirty milliseconds of a motor's lag are no 3 %."""
+    slow = {"up_s": {"value": 0.03, "ci95": [0.02, 0.04], "unit": "s"}}
+    wrong = _finding(content, "motor_lag", kind="parameter", parameters=slow)
+    assert size_words(wrong, content) == "+0.030 s"
+
+
 def test_a_contradicted_number_without_a_finding_is_named(content):
     far = {"value": 304.0, "ci95": [299.0, 309.0], "declared_sd": 60.0}
     content |= {

@@ -234,7 +234,8 @@ def _largest_correction(content: Mapping[str, Any]) -> str:
     if key is None or far[key] < SDS_95:
         return ""
     return (
-        f"{key_words(key)}: the flights ask for {_correction_words(key, rows[key]['value'])},"
+        f"{key_words(key)}: the flights ask for"
+        f" {_correction_words(ParameterKey.of(key).parameter, rows[key]['value'])},"
         f" {number_words(far[key], 2)} prior sds"
     )
 
@@ -253,15 +254,15 @@ def key_words(key: str) -> str:
     return plain(effect) if words == "scale" else f"{plain(effect)} {words}"
 
 
-def _correction_words(key: str, value: float) -> str:
+def _correction_words(parameter: str, value: float) -> str:
     """Return a correction with its sign: a share in percent, else in its own unit.
 
     Parameters
     ----------
-    key : name of the parameter, or of the effect and the parameter.
+    parameter : name of the parameter, without that of its effect.
     value : in the unit that the name carries.
     """
-    unit = unit_words(ParameterKey.of(key).parameter)
+    unit = unit_words(parameter)
     sign = "+" if value > 0 else ""
     return f"{sign}{number_words(value, 2)} {unit}" if unit else f"{sign}{percent_words(value)}"
 
