@@ -155,6 +155,11 @@ class Term:
         return r" ".join(filter(None, factors))
 
     @property
+    def varies(self) -> bool:
+        """Whether it is more than a constant share of weight or thrust."""
+        return self.local or any((*self.power, *self.magnitude))
+
+    @property
     def local(self) -> bool:
         """Whether it acts about one place only."""
         return self.near_m[2] > 0.0

@@ -94,10 +94,13 @@ def add_laws(
     while terms:
         fitted, sd = _fit_terms(terms, explanation, start)
         overdone = _overdone(forms, fitted, explanation)
+        # a constant alone is a number of the file or a trim, and no law
+        varying = {t.channel for t in terms if t.varies}
         clear = [
             t
             for t in terms
-            if abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
+            if t.channel in varying
+            and abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
             and t.channel not in overdone
             and _matters(t, fitted)
         ]

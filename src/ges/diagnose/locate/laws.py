@@ -40,14 +40,14 @@ def candidate_terms(channel: str, system: System) -> list[Term]:
 
     Notes
     -----
-    Speeds, their squares and products with the horizontal speed, powers of the nearness of the
+    Odd and even powers of speeds, products with the horizontal speed, powers of the nearness of the
     ground, and other groups alone. Rotor speeds are left out because they respond to the residual,
     see :mod:`~ges.diagnose.design.feedback`. So is the voltage, which falls with time and would
     predict any drift.
     """
     products = [
         *(({g: 1}, {}) for g in (*SPEEDS, HORIZONTAL, *OTHERS)),
-        *(({g: 1}, {g: 1}) for g in SPEEDS),
+        *((n, m) for g in SPEEDS for n, m in (({}, {g: 1}), ({g: 1}, {g: 1}), ({g: 2}, {}))),
         *(({g: 1, HORIZONTAL: 1}, {}) for g in SPEEDS),
         ({HORIZONTAL: 2}, {}),
         *(({NEAR_GROUND: n}, {}) for n in (1, 2, 3)),
