@@ -98,7 +98,7 @@ def diagnose(
 
     # what the library explains of the residuals, and what stays open or unexplained
     nominal_gusts = problem.vehicle.effect_values().get(GUSTS)
-    explanation = explain_flights(start, nominal, nominal_gusts, record, names)
+    start, explanation = explain_flights(start, nominal, nominal_gusts, record, names)
     watch("fitted", explanation.accepted.names)
     balance = None if explanation.accepted.names else balance_shift(start.system)
     explanation, unexplained = without_idle_rivals(explanation, nominal, balance is not None)

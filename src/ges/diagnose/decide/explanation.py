@@ -23,7 +23,7 @@ from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
-from ges.diagnose.locate.stages import Stage, Start, make_stage
+from ges.diagnose.locate.stages import Stage, Start, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
@@ -55,7 +55,7 @@ def explain_flights(
     nominal_gusts: Mapping[str, float] | None,
     record: DecisionLog,
     only: Sequence[str] | None,
-) -> Explanation:
+) -> tuple[Start, Explanation]:
     """Accept what the library explains, fit it in full, and find gusts in the residuals.
 
     Parameters
@@ -65,10 +65,24 @@ def explain_flights(
     nominal_gusts : parameters of the gusts that the vehicle file has.
     record : takes every decision.
     only : fit exactly these names, whatever speaks against them.
+
+    Returns
+    -------
+    The start, linearised where the nominal parameters are with the accepted names, and the
+    explanation.
     """
-    accepted = accept(start.first.regression, record, only)
+    accepted = accept(start.regression, record, only)
+    if accepted.fitted is not None and only is None:
+        # of what carries most evidence alone: what stands beside it may only make up for the place
+        singles = (h for h in accepted.result.hypotheses if len(h.names) == 1)
+        strongest = next((h.names[0] for h in singles if h.names[0] in accepted.names), None)
+        effects = {n: v for n, v in accepted.fitted.effects.items() if n == strongest}
+        moved = relinearise(start, nominal, effects)
+        again = accept(moved.regression, record) if moved else accepted
+        # without names the recalibrated vehicle is what there is
+        start, accepted = (moved, again) if moved and again.names else (start, again)
     gusts = _gusts(accepted, start, nominal_gusts)
-    return explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
+    return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
 
 
 def explanation_of(

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import System, build, window_length_s
+from ges.conventions import SDS_95
+from ges.diagnose.design.system import System, build, nuisance_of, window_length_s
 from ges.diagnose.detectors.balance import without_mean_balance
 from ges.diagnose.estimate.fit import (
     JointFit,
@@ -21,9 +22,10 @@ from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import Regression
+from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,16 +83,21 @@ class Start:
 
     Attributes
     ----------
-    system : residuals, nuisances and all candidates without prerequisites.
+    regression : nuisances and all candidates without prerequisites, with the most cautious noise.
     regimes : by flight, regime variables of all windows.
     first : the recalibrated stage.
     cells : map of its residuals over the regime variables.
     """
 
-    system: System
+    regression: Regression
     regimes: Regimes
     first: Stage
     cells: list[Cell]
+
+    @property
+    def system(self) -> System:
+        """What the search is linearised about."""
+        return self.regression.system
 
 
 def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
@@ -106,6 +113,55 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     Corrections multiply each other, so the columns are computed again where the model stands.
     Shorter parts of long flights come first, see :func:`nested_parts`.
     """
+    regression, joint = null_fit(first_system(flights, *_linearisation(flights, nominal)))
+    joint = checked_fit(regression, joint)
+    system = regression.system
+    regimes = regimes_of(system)
+    first = make_stage(with_corrections(nominal, joint.common), joint, regression, regimes)
+    return Start(
+        regression,
+        regimes,
+        first,
+        regime_cells(system, first.residuals_in_air, regimes, first.structures),
+    )
+
+
+def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> Start | None:
+    """Return the start with the search linearised where the nominal parameters are with effects.
+
+    Parameters
+    ----------
+    start : the recalibrated vehicle.
+    nominal : the vehicle file's model.
+    effects : that were accepted, with their values.
+
+    Returns
+    -------
+    None where no nominal parameter is moved by more than its prior allows.
+
+    Notes
+    -----
+    A nominal parameter and an effect multiply each other: an inertia divides the moments of a drag.
+    About a place that is far off, the search needs other names to make up for that.
+    """
+    flights, system = start.system.recordings, start.system
+    there, whole = _linearisation(flights, nominal.with_effects(effects))
+    # the last system is about the corrections before the last step
+    whole = whole or build(flights, there, (), length_s=system.length_s)
+    corrections = null_fit(whole)[1].common
+    far = (
+        abs(value - system.model.corrections.get(key, 0.0))
+        > SDS_95 * nuisance_of(system.columns[system.nuisances[key]]).sd
+        for key, value in corrections.items()
+    )
+    if not any(far):
+        return None
+    moved = first_system(flights, at_corrections(nominal, corrections))
+    return dataclasses.replace(start, regression=make_regression(moved))
+
+
+def _linearisation(flights: Sequence[Prepared], nominal: Model) -> tuple[Model, System | None]:
+    """Return the model with the corrections about which all is linearised, and its system."""
     # corrections multiply each other, so all columns are made where the model comes to stand
     length_s = window_length_s(flights)
     corrections: dict[str, float] = {}
@@ -119,17 +175,7 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
         if not more:
             break
         at, whole = at_corrections(nominal, more), None
-    system = first_system(flights, at, whole)
-    regression, joint = null_fit(system)
-    joint = checked_fit(regression, joint)
-    regimes = regimes_of(system)
-    first = make_stage(with_corrections(nominal, joint.common), joint, regression, regimes)
-    return Start(
-        system,
-        regimes,
-        first,
-        regime_cells(system, first.residuals_in_air, regimes, first.structures),
-    )
+    return at, whole
 
 
 def nested_parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:
