@@ -124,7 +124,7 @@ typedef struct {
   F(words, corrects)       /* numbers of the vehicle file that it corrects */                                           \
   F(setting, acts_above)   /* shape that does something where this parameter is above this value alone */               \
   F(number, reach)         /* shape that is a place or a length: share of `reach_over` that a fit may move it at once */ \
-  F(text, reach_over)      /* "radius", or a parameter */                                                               \
+  F(text, reach_over)      /* "radius", "hull" that a place on the body never leaves, or a parameter */                   \
   F(prior, prior)
 
 /* Variants of an effect that a search tries: amplitudes that are fitted together, over levels of an axis. */

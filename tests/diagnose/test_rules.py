@@ -12,10 +12,10 @@ from ges.diagnose.decide.explanation import Explanation, practically_significant
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
-    amplitudes_at_bounds,
     apply_rules,
     distinguishable,
     has_its_prerequisite,
+    parameters_at_bounds,
     probable,
     rivals_nearly_as_good,
     significant,
@@ -274,7 +274,18 @@ def test_what_stands_at_a_bound_and_is_not_neutral_is_a_form_error(tau_s, at_bou
     fitted = Fitted(
         {"rangefinder_lag": {"tau_s": tau_s}}, free, 1e-6 * np.eye(1), None, None, BOARD
     )
-    assert amplitudes_at_bounds(fitted) == (set(free) if at_bound else set())
+    assert parameters_at_bounds(fitted) == (list(free) if at_bound else [])
+
+
+@pytest.mark.parametrize(("x_m", "beyond"), [(0.05, False), (1.0, True)])
+def test_a_mass_fixed_to_the_body_is_nearer_than_the_rotor_tips(x_m, beyond):
+    """What undoes two weak rotors from a place 1 m away is no payload."""
+    free = (("payload", "mass_kg"), ("payload", "x_m"))
+    hull_m = BOARD.system.model.hull_m
+    values = {"mass_kg": 0.01, "x_m": min(x_m, hull_m), "y_m": 0.0, "z_m": 0.0}
+    fitted = Fitted({"payload": values}, free, 1e-6 * np.eye(2), None, None, BOARD)
+    assert parameters_at_bounds(fitted) == ([free[1]] if beyond else [])
+    assert significant(fitted, "payload").because == "x_m stands at its bound" or not beyond
 
 
 @pytest.mark.parametrize(("size", "bounds", "open_still"), [(0.0, 0, 0), (0.1, 0, 1), (0.1, 1, 0)])
@@ -290,7 +301,7 @@ def test_nothing_is_open_where_all_stand_at_bounds_or_make_nothing(
     accepted.alternatives = {"motor_lag": fitted}
     monkeypatch.setattr(explanation, "fit_alternatives", lambda *_: accepted)
     monkeypatch.setattr(
-        explanation, "amplitudes_at_bounds", lambda _: {("motor_lag", "up_s")} if bounds else set()
+        explanation, "parameters_at_bounds", lambda _: {("motor_lag", "up_s")} if bounds else set()
     )
     monkeypatch.setattr(explanation, "contributions", lambda *_: {"motor_lag": None})
     monkeypatch.setattr(

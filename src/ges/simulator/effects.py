@@ -87,8 +87,8 @@ class Parameter:
     trim : kind of trim: ``thrust``, ``rotor``, ``lever``, ``yaw``; '' for none.
     corrects : nominal parameters of the vehicle file that it corrects.
     acts_above : another parameter, and the value above which this one acts; None for always.
-    reach, reach_over : largest step of a fit, as a share of ``radius`` or of a parameter; 0 for
-        any.
+    reach, reach_over : largest step of a fit, as a share of ``radius``, ``hull`` or of a parameter;
+        0 for any. A place on the body never leaves its hull.
     prior : how far it may be off without being a finding; None if by nothing.
     """
 

@@ -28,7 +28,9 @@ def test_a_file_within_its_prior_sds_moves_nothing(sheet, monkeypatch):
 
 def test_columns_are_made_where_the_number_is_with_the_effect(sheet, monkeypatch):
     """An inertia divides the moments of a drag: 30 % of them is far from a column at zero."""
-    start, nominal = _start(sheet(), {**DRAG, "inertia": {"xx": 0.3, "yy": 0.3, "zz": 0.3}}, monkeypatch)
+    start, nominal = _start(
+        sheet(), {**DRAG, "inertia": {"xx": 0.3, "yy": 0.3, "zz": 0.3}}, monkeypatch
+    )
     moved = relinearise(start, nominal, DRAG)
     assert moved.system.model.corrections["inertia.xx"] == pytest.approx(0.3, abs=0.05)
     assert "rotor_drag" not in moved.system.model.effects

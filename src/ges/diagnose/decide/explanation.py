@@ -14,7 +14,7 @@ from ges.diagnose.decide.accept import (
     fit_alternatives,
     fit_causes,
 )
-from ges.diagnose.decide.rules import amplitudes_at_bounds
+from ges.diagnose.decide.rules import parameters_at_bounds
 from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
@@ -78,9 +78,12 @@ def explain_flights(
         strongest = next((h.names[0] for h in singles if h.names[0] in accepted.names), None)
         effects = {n: v for n, v in accepted.fitted.effects.items() if n == strongest}
         moved = relinearise(start, nominal, effects)
-        again = accept(moved.regression, record) if moved else accepted
-        # without names the recalibrated vehicle is what there is
-        start, accepted = (moved, again) if moved and again.names else (start, again)
+        decisions = DecisionLog()
+        again = accept(moved.regression, decisions) if moved else None
+        # what is accepted there has to lead there, too
+        if moved and again and again.fitted and relinearise(start, nominal, again.fitted.effects):
+            start, accepted = moved, again
+            record.become(decisions)
     gusts = _gusts(accepted, start, nominal_gusts)
     return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
 
@@ -210,7 +213,7 @@ def refit_with_open_names(
 def _matters(accepted: Accepted, name: str, nominal: Model, record: DecisionLog) -> bool:
     """Return whether an open name makes what matters, and is off its bounds."""
     fitted = accepted.alternatives[name]
-    if any(effect == name for effect, _ in amplitudes_at_bounds(fitted)):
+    if any(effect == name for effect, _ in parameters_at_bounds(fitted)):
         return False
     (made,) = contributions(fitted, (name,), nominal).values()
     size = size_of_contribution(made, fitted.regression.system)

@@ -19,7 +19,13 @@ from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.contributions import size_of_contribution
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.library.candidates import amplitude_of, family_of, has_prerequisite
+from ges.diagnose.library.candidates import (
+    HULL,
+    amplitude_of,
+    family_of,
+    fit_bounds,
+    has_prerequisite,
+)
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
 from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression, contribution_of
@@ -317,7 +323,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
     Notes
     -----
     Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
-    free. It must also be beyond its prior, and no amplitude at a bound. A wind must blow at all.
+    free. It must also be beyond its prior, and nothing at a bound. A wind must blow at all.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -325,12 +331,13 @@ def significant(fitted: Fitted, name: str) -> Decision:
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
-    least, farthest, bounded = settings.statistics.clear_sds, 0.0, amplitudes_at_bounds(fitted)
+    for parameter in (p for e, p in parameters_at_bounds(fitted) if e == name):
+        value = fitted.effects[name][parameter]
+        return Decision(rule, False, f"{parameter} stands at its bound", value, value)
+    least, farthest = settings.statistics.clear_sds, 0.0
     priors = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
-        if (name, parameter) in bounded:
-            return Decision(rule, False, f"{parameter} stands at its bound", value, value)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = not prior or abs(deviation - prior.mean) > SDS_95 * prior.sd
@@ -340,22 +347,28 @@ def significant(fitted: Fitted, name: str) -> Decision:
     return Decision(rule, farthest > least, because, farthest, least)
 
 
-def amplitudes_at_bounds(fitted: Fitted) -> set[tuple[str, str]]:
-    """Return fitted amplitudes that stand at a bound of the library, by effect and parameter.
+def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
+    """Return amplitudes at a bound of the library, and places on the body at its hull.
 
     The flights ask for more than the effect can be: something else is behind it.
 
     Parameters
     ----------
     fitted : the fit.
+
+    Returns
+    -------
+    Effect and parameter of each.
     """
-    return {
-        (e, p)
-        for e, p in fitted.free
-        if p not in effect_table.get(e).shapes
-        for a in [amplitude_of(e, p)]
-        if fitted.effects[e][p] != a.neutral and fitted.effects[e][p] in (a.low, a.high)
-    }
+    model = fitted.regression.system.model
+    at_bounds = []
+    for e, p in fitted.free:
+        value, effect, a = fitted.effects[e][p], effect_table.get(e), amplitude_of(e, p)
+        at_hull = effect.parameter(p).reach_over == HULL and value in fit_bounds((e, p), model)
+        is_amplitude = p not in effect.shapes and value != a.neutral
+        if at_hull or is_amplitude and value in (a.low, a.high):
+            at_bounds.append((e, p))
+    return at_bounds
 
 
 def differs_from_neutral(fitted: Fitted, name: str) -> bool:

@@ -19,7 +19,13 @@ from ges.conventions import SDS_95
 from ges.diagnose.design.system import System, build, nuisance_of, variant_of
 from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
-from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of, reach_of
+from ges.diagnose.library.candidates import (
+    Amplitude,
+    Variant,
+    amplitude_of,
+    fit_bounds,
+    reach_of,
+)
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import (
     Gram,
@@ -523,14 +529,13 @@ class _Point:
 
         The cost is that of the linearisation.
         """
-        descriptors = [effect_table.get(e).parameter(p) for e, p in self.free]
         steps = self.joint.chosen[: len(self.free)]
         # all steps by one share, so that the direction stays that of descent
         steps = _share_in_reach(steps, self.free, self.values, model) * steps
         return _mean_within_bounds(
             self.free_values() + steps,
             self.covariance,
-            np.array([(p.fit_low, p.fit_high) for p in descriptors]).T,
+            np.array([fit_bounds(name, model) for name in self.free]).T,
         )
 
 

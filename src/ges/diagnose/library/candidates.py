@@ -19,6 +19,9 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
+HULL = "hull"
+"""Reach of a place on the body."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Amplitude:
@@ -290,11 +293,23 @@ def reach_of(name: tuple[str, str], values: effect_table.Effects, model: Model) 
     p = effect_table.get(effect).parameter(parameter)
     if not p.reach:
         return 0.0
-    if p.reach_over == "radius":
-        return p.reach * model.radius_m
+    if p.reach_over in ("radius", HULL):
+        return p.reach * (model.hull_m if p.reach_over == HULL else model.radius_m)
     # a rotor averages over its disc: what is narrower still acts over a radius
     over = values[effect][p.reach_over]
     return p.reach * (over if p.reach_over == parameter else max(over, model.radius_m))
+
+
+def fit_bounds(name: tuple[str, str], model: Model) -> tuple[float, float]:
+    """Return the bounds of a parameter in a fit.
+
+    Parameters
+    ----------
+    name : effect and parameter.
+    model : for the hull, which a place on the body does not leave.
+    """
+    p = effect_table.get(name[0]).parameter(name[1])
+    return (-model.hull_m, model.hull_m) if p.reach_over == HULL else (p.fit_low, p.fit_high)
 
 
 def modifiers_of(variant: Variant) -> effect_table.Effects:

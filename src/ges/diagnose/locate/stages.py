@@ -148,7 +148,9 @@ def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> 
     there, whole = _linearisation(flights, nominal.with_effects(effects))
     # the last system is about the corrections before the last step
     whole = whole or build(flights, there, (), length_s=system.length_s)
-    corrections = null_fit(whole)[1].common
+    # an effect may have numbers of its own to correct
+    fitted = null_fit(whole)[1].common
+    corrections = {key: value for key, value in fitted.items() if key in system.nuisances}
     far = (
         abs(value - system.model.corrections.get(key, 0.0))
         > SDS_95 * nuisance_of(system.columns[system.nuisances[key]]).sd

@@ -87,6 +87,15 @@ class DecisionLog:
         rules.pop(decision.rule, None)
         rules[decision.rule] = decision
 
+    def become(self, other: DecisionLog) -> None:
+        """Take the decisions of another log in place of all its own.
+
+        Parameters
+        ----------
+        other : of a search that was done again.
+        """
+        self._decisions = other._decisions
+
     def of(self, name: str) -> tuple[Decision, ...]:
         """Return the decisions about a name.
 

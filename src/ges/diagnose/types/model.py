@@ -123,6 +123,12 @@ class Model:
         """Mean rotor radius."""
         return float(sum(self.of_rotors("radius_m"))) / self.n_rotors
 
+    @property
+    def hull_m(self) -> float:
+        """Distance of the farthest rotor tip from the origin; a place on the body is nearer."""
+        hubs = self.of_rotors("x_m") + 1j * self.of_rotors("y_m")
+        return float(np.max(np.abs(hubs) + self.of_rotors("radius_m")))
+
     def reference_scale(self, channel: str) -> float:
         """Return what sizes in a channel are expressed as a share of.
 
