@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from ges.commands import PATH
 from ges.simulator import effects, manoeuvres
 from ges.simulator import flight as sim
 from ges.simulator.terrain import Terrain
@@ -238,7 +239,7 @@ BENCHES = {"sim": _bench_sim, "diagnosis": _bench_diagnosis}
 @click.option(
     "--repeats", default=5, show_default=True, help="Runs of each case; the fastest counts."
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Write the figures here as JSON.")
+@click.option("--out", type=PATH, help="Write the figures here as JSON.")
 def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
     """Measure how fast the simulator or the diagnosis is.
 
