@@ -17,7 +17,7 @@ from ges.commands import LAYOUT, OPEN, PATH
 from ges.commands.import_ import MEND, reading_options
 from ges.commands.settings import SET
 from ges.errors import GesError, visible
-from ges.files import NEW, require_file, require_folder
+from ges.files import NEW, require_file, require_folder, write_csv
 
 SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
 """Options that change nothing of the diagnosis."""
@@ -235,13 +235,11 @@ def _tell(diagnosis: Any, out: Path) -> None:
 
 def _flight_written(advised: Mapping[str, Any], path: Path) -> str:
     """Write the set points of the advised manoeuvre; what was done, as a sentence."""
-    from ges.files import replacing
     from ges.simulator import manoeuvres
 
     if not advised.get("manoeuvre"):
         return "no next flight is needed: nothing is open that another manoeuvre would separate"
-    with replacing(path) as new:
-        manoeuvres.to_frame(manoeuvres.make(advised["manoeuvre"])).to_csv(new, index=False)
+    write_csv(path, manoeuvres.to_frame(manoeuvres.make(advised["manoeuvre"])))
     prepared = f" (to be flown with {advised['preparation']})" if "preparation" in advised else ""
     return (
         f"{path}: set points of {advised['manoeuvre']}{prepared}, to separate"

@@ -20,7 +20,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from ges.errors import GesError
-from ges.files import replacing, write_json
+from ges.files import write_csv, write_json
 from ges.study.config import SeedRange, Seeds
 
 CLOSE = 0.05
@@ -471,6 +471,5 @@ def write_claims(
     rules : to write (JSON): the rules of the verdict.
     """
     read = read_tables(tables, results)
-    with replacing(table) as new:
-        pd.DataFrame(list(_rows(claims(listed), read, seeds))).to_csv(new, index=False)
+    write_csv(table, pd.DataFrame(list(_rows(claims(listed), read, seeds))))
     write_json(rules, RULES)

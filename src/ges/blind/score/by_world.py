@@ -26,8 +26,8 @@ from ges.blind.score.statistics import (
     reliability_table,
     score_row,
 )
-from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
-from ges.files import write_json
+from ges.blind.score.verdicts import check_batches, read_verdict
+from ges.files import write_csv, write_json
 from ges.study.figures import style
 
 OUTCOMES = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
@@ -442,7 +442,7 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
         "reliability": reliability_table([s for a in tool for s in a.stated]),
     }
     for name, frame in tables.items():
-        write_csv(out / f"{name}.csv", frame)
+        write_csv(out / f"{name}.csv", frame, digits=6)
     rows = [
         score_row(name, values, AIMS.get(name)) | {"method": m}
         for m, outcomes in by_method.items()
@@ -450,9 +450,9 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     ]
     modelled = modelled_of_sets(folder, truths, diagnoses)
     laws = laws_of_sets(folder, truths, diagnoses)
-    write_csv(out / "modelled.csv", pd.DataFrame(modelled))
+    write_csv(out / "modelled.csv", pd.DataFrame(modelled), digits=6)
     if laws:
-        write_csv(out / "laws.csv", pd.DataFrame(laws))
+        write_csv(out / "laws.csv", pd.DataFrame(laws), digits=6)
     rows += [
         score_row(name, values, AIMS.get(name)) | {"method": "ges"}
         for name, values in (modelled_scores(modelled) | law_scores(laws)).items()

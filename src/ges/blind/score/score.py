@@ -24,8 +24,8 @@ from ges.blind.score.statistics import (
     reliability_table,
     score_row,
 )
-from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
-from ges.files import write_json
+from ges.blind.score.verdicts import check_batches, read_verdict
+from ges.files import write_csv, write_json
 
 LIMIT_S = 10.0
 PROCESSES = 2
@@ -90,7 +90,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
         "rotors": by_rotors(outcomes),
     }
     for name, frame in tables.items():
-        write_csv(out / f"{name}.csv", frame)
+        write_csv(out / f"{name}.csv", frame, digits=6)
     report = {
         "schema": 1,
         "cases": len(names),
@@ -177,7 +177,7 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
         ).set_index("score")[["value", "low", "high"]]
     side_by_side = pd.concat(columns, axis=1)
     side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
-    write_csv(table, side_by_side.reset_index())
+    write_csv(table, side_by_side.reset_index(), digits=6)
 
 
 def _case_table(

@@ -19,7 +19,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ges.files import replacing
+from ges.files import replacing, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,8 +130,7 @@ def save(figure: Figure, table: pd.DataFrame, data: Path, pdf: Path, png: Path) 
     table : what it shows.
     data, pdf, png : to write; equal figures give equal bytes.
     """
-    with replacing(data) as new:
-        table.to_csv(new, index=False, float_format="%.9g")
+    write_csv(data, table, digits=9)
     with replacing(pdf) as new:
         figure.savefig(
             new, format="pdf", metadata={"CreationDate": None, "Producer": None, "Creator": None}

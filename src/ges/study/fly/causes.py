@@ -11,8 +11,9 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
+from ges.files import write_csv
 from ges.study.config import Flights, SeedRange, Simulator
-from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.fly.flights import Condition, fly_conditions
 from ges.study.stats.paired import contrasts, means
 
 METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s", "gyro_rms_rad_s")
@@ -127,6 +128,6 @@ def fly_causes(
     pairs = [(f"oracle, {c}", f"{other}, {c}") for c in causes for other in ("analytical", "none")]
     pairs += [(f"{m}, {c}", f"{FLOOR}, {c}") for c in causes for m in ("none", *FEEDFORWARD)]
     pairs += [(f"oracle, {c}", f"oracle, {AS_PUBLISHED}") for c in causes if c != AS_PUBLISHED]
-    write_csv(table, flights)
-    write_csv(means(table, METRICS), summary)
-    write_csv(contrasts(table, METRICS, pairs), tests)
+    write_csv(flights, table)
+    write_csv(summary, means(table, METRICS))
+    write_csv(tests, contrasts(table, METRICS, pairs))

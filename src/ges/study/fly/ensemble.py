@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ges.files import write_csv
 from ges.study.config import Ensemble, Flights, Pulse, SeedRange, Simulator
 from ges.study.fly import calibrate
-from ges.study.fly.flights import counted, write_csv
+from ges.study.fly.flights import counted
 from ges.study.stats.target import ends
 
 CLAIMED_SIGN = {
@@ -158,5 +159,5 @@ def fly_ensemble(
             json.loads(Path(calibration).read_text())["fitted"],
         )
     )
-    write_csv(walk, flights)
-    write_csv(_shares(walk), summary)
+    write_csv(flights, walk)
+    write_csv(summary, _shares(walk))
