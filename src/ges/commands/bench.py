@@ -164,10 +164,8 @@ def _logged(record: sim.Record, seed: int) -> pd.DataFrame:
     """Give a flight's table, its velocity and attitude as noisy as an estimator's."""
     import pandas as pd
 
-    rng, columns = (
-        np.random.default_rng(seed),
-        {READ.get(name, name): values for name, values in record.columns.items()},
-    )
+    rng = np.random.default_rng(seed)
+    columns = {READ.get(name, name): values for name, values in record.columns.items()}
     return pd.DataFrame(
         {n: v + rng.normal(0.0, NOISE.get(n[:2], 0.0), len(v)) for n, v in columns.items()}
     )

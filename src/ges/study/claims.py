@@ -28,12 +28,8 @@ CLOSE = 0.05
 it.
 """
 
-REPRODUCED, DIRECTION, NOT, UNMEASURED = (
-    "reproduced",
-    "same direction",
-    "not reproduced",
-    "not measured",
-)
+REPRODUCED, DIRECTION = "reproduced", "same direction"
+NOT, UNMEASURED = "not reproduced", "not measured"
 RULES = {
     "value": (
         "a number: reproduced if we are within a twentieth of it (of 1 - R² for an R²), or our 95 %"

@@ -191,10 +191,8 @@ class Recorder:
         if self.log.rotor_speeds:
             w = self._at("rotor_speed") * (1.0 + self._noise((rotors, n), ORDINARY.speed_share))
             named |= dict(zip(rotor_speed(rotors), _quantise(w, 0.5), strict=True))
-        full, amps = (
-            self.sortie.craft.battery_V,
-            REFERENCE_CURRENT_A_PER_KG * self.sortie.craft.true["mass"],
-        )
+        full = self.sortie.craft.battery_V
+        amps = REFERENCE_CURRENT_A_PER_KG * self.sortie.craft.true["mass"]
         current = np.maximum(self._at("current"), 0.0) * amps
         if self.log.battery:
             volt = full * self._at("battery")[0] + self._noise(n, 0.002 * full)

@@ -311,10 +311,7 @@ def boosting(problem: BaselineProblem) -> FittedMethod:
 
 
 METHODS: dict[str, Callable[[BaselineProblem], FittedMethod]] = {
-    "stepwise": stepwise,
-    "sindy": sindy,
-    "parameters": parameters,
-    "boosting": boosting,
+    method.__name__: method for method in (stepwise, sindy, parameters, boosting)
 }
 
 

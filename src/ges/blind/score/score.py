@@ -167,14 +167,11 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     every = _against_oracle(folder, truths, diagnoses)
     for method in methods:
         diagnosed = method_folder(method)
-        judged, compared = (
-            [judge(n, truths[n], diagnoses[diagnosed][n]) for n in names],
-            every[diagnosed],
-        )
+        judged = [judge(n, truths[n], diagnoses[diagnosed][n]) for n in names]
+        compared = every[diagnosed]
         cases = _case_table(folder, diagnosed, judged, truths, compared)
-        columns[method] = _summary(
-            judged, cases, {n: c for n, c in compared.items() if c}
-        ).set_index("score")[["value", "low", "high"]]
+        scores = _summary(judged, cases, {n: c for n, c in compared.items() if c})
+        columns[method] = scores.set_index("score")[["value", "low", "high"]]
     side_by_side = pd.concat(columns, axis=1)
     side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
     write_csv(table, side_by_side.reset_index(), digits=6)

@@ -41,17 +41,11 @@ class _Removal:
 
 def _removals(simulator: Simulator) -> dict[str, _Removal]:
     """Every cause by name, then several together."""
-    lag, damping = (
-        simulator.vehicle.motor_time_constant_s,
-        {"altitude_kd": DAMPED * simulator.controller.altitude_kd},
-    )
+    lag = simulator.vehicle.motor_time_constant_s
+    damping = {"altitude_kd": DAMPED * simulator.controller.altitude_kd}
     every = {"telemetry_every": 1.0, "control_every": 1.0}
-    quiet = {
-        "range_noise_m": 0.0,
-        "gyro_noise_rad_s": 0.0,
-        "rpm_noise_rad_s": 0.0,
-        "current_noise_A": 0.0,
-    }
+    noises = ("range_noise_m", "gyro_noise_rad_s", "rpm_noise_rad_s", "current_noise_A")
+    quiet = dict.fromkeys(noises, 0.0)
     fast, rotors = {"motor_time_constant_s": FAST_MOTOR_S}, {"per_rotor": 1.0}
     return {
         AS_PUBLISHED: _Removal(),

@@ -281,10 +281,8 @@ def _limits(shares: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (length, sign), cell in shares.groupby(["duration_s", np.sign(shares["bias"])]):
         cell = cell.sort_values("bias", key=np.abs)
-        returned, untouched = (
-            _up_to(cell, cell["returned"] == 1),
-            _up_to(cell, cell["touched"] == 0),
-        )
+        returned = _up_to(cell, cell["returned"] == 1)
+        untouched = _up_to(cell, cell["touched"] == 0)
         highest = float(cell["bias"].abs().max())
         rows.append((length, "+" if sign > 0 else "-", returned, untouched, highest))
     return pd.DataFrame(
