@@ -6,6 +6,7 @@ Colours are those of Okabe and Ito; every series also has its own marker, line s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -45,7 +47,10 @@ MODE_LABELS = {
     "ml_asym_clamp": "ML clamped",
 }
 MODE_COLOURS = dict(zip(MODE_LABELS, (GREY, BLUE, BLACK, RED, ORANGE, GREEN), strict=True))
-MODE_MARKERS = dict(zip(MODE_LABELS, MARKERS, strict=False))
+MODE_DOTS = {
+    name: {"fmt": marker, "color": MODE_COLOURS[name]}
+    for name, marker in zip(MODE_LABELS, MARKERS, strict=False)
+}
 FORM_LABELS = {
     "cheeseman_bennett": "Cheeseman-Bennett",
     "hayden": "Hayden",
@@ -139,6 +144,32 @@ def log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def panel(axes: Axes, letter: str) -> None:
-    """Write the letter of a panel above its left upper corner."""
-    axes.set_title(f"({letter})", loc="left", fontweight="bold")
+def panels(*axes: Axes) -> None:
+    """Write the letters of panels, a, b and so on, above their left upper corners."""
+    for ax, letter in zip(axes, "abcdef", strict=False):
+        ax.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+def cells(
+    axes: Axes,
+    table: pd.DataFrame,
+    text: Callable,
+    colour: Callable,
+    size: float,
+    rotation: float = 0.0,
+) -> None:
+    """Write into the cells of a table that is drawn as an image, and label its axes.
+
+    Parameters
+    ----------
+    axes : of the image.
+    table : numbers, by numbers in rows and columns.
+    text, colour : called with row and column of a cell.
+    size : of the text, points.
+    rotation : of the labels of columns, degrees.
+    """
+    for i, j in np.ndindex(table.shape):
+        axes.text(j, i, text(i, j), ha="center", va="center", fontsize=size, color=colour(i, j))
+    axes.set_xticks(range(table.shape[1]), [f"{v:g}" for v in table.columns], rotation=rotation)
+    axes.set_yticks(range(table.shape[0]), [f"{v:g}" for v in table.index])
+    axes.grid(False)
