@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict
 
 from ges.errors import GesError
 from ges.files import write_csv, write_json
-from ges.study.config import SeedRange, Seeds
+from ges.study.config import Seeds
 
 CLOSE = 0.05
 """Relative distance from the published value that counts as reproduced where our interval misses
@@ -416,11 +416,7 @@ def _number(value: float | None) -> str:
 def _behind(claim: Claim, seeds: Seeds) -> str:
     """Seeds behind our number, as first-last (count)."""
     named = [getattr(seeds, name) for name in claim.seeds.split()]
-    return " ".join(_range(r) for r in named)
-
-
-def _range(r: SeedRange) -> str:
-    return f"{r.first}-{r.first + r.count - 1} ({r.count})"
+    return " ".join(f"{r.first}-{r.first + r.count - 1} ({r.count})" for r in named)
 
 
 def _rows(

@@ -8,7 +8,7 @@ itself helps the loop, an estimate that leaves some of it tracks better.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ges.files import write_csv
@@ -67,34 +67,16 @@ def _removals(simulator: Simulator) -> dict[str, _Removal]:
     }
 
 
-def _conditions_without(cause: str, gone: _Removal) -> list[Condition]:
-    own = {"none": {}, "analytical": {}, "oracle": gone.oracle}
-    flown = [
-        Condition(
-            f"{mode}, {cause}",
-            {"mode": mode, **gone.every_mode, **extra},
-            gone.truth,
-            {"cause": cause, "mode": mode},
-        )
-        for mode, extra in own.items()
-    ]
-    bare = Condition(
-        f"{FLOOR}, {cause}",
-        {"mode": "none", **gone.every_mode},
-        {"amplitude": 0.0},
-        {"cause": cause, "mode": FLOOR},
-    )
-    return [*flown, bare]
-
-
-def _cause_conditions(simulator: Simulator) -> list[Condition]:
-    """Return oracle, analytical and no feedforward without each cause.
-
-    The same vehicle where no ground effect exists follows each of them.
-    """
-    return [
-        c for cause, gone in _removals(simulator).items() for c in _conditions_without(cause, gone)
-    ]
+def _conditions_without(cause: str, gone: _Removal) -> Iterator[Condition]:
+    """Yield oracle, analytical and no feedforward without a cause, then no ground effect at all."""
+    for name, mode, own, truth in (
+        ("none", "none", {}, gone.truth),
+        ("analytical", "analytical", {}, gone.truth),
+        ("oracle", "oracle", gone.oracle, gone.truth),
+        (FLOOR, "none", {}, {"amplitude": 0.0}),
+    ):
+        numbers = {"mode": mode, **gone.every_mode, **own}
+        yield Condition(f"{name}, {cause}", numbers, truth, {"cause": cause, "mode": name})
 
 
 def fly_causes(
@@ -116,9 +98,10 @@ def fly_causes(
     tests : to write: paired tests. For every cause the oracle meets the analytical mode and none,
         and every mode meets no ground effect at all. Every oracle meets the published one.
     """
-    table = fly_conditions(_cause_conditions(simulator), closed_loop.list(), simulator, plan)
+    causes = _removals(simulator)
+    conditions = [c for cause, gone in causes.items() for c in _conditions_without(cause, gone)]
+    table = fly_conditions(conditions, closed_loop.list(), simulator, plan)
     # Holm's correction is over all of these: no pair that nobody asks for
-    causes = list(_removals(simulator))
     pairs = [(f"oracle, {c}", f"{other}, {c}") for c in causes for other in ("analytical", "none")]
     pairs += [(f"{m}, {c}", f"{FLOOR}, {c}") for c in causes for m in ("none", *FEEDFORWARD)]
     pairs += [(f"oracle, {c}", f"oracle, {AS_PUBLISHED}") for c in causes if c != AS_PUBLISHED]
