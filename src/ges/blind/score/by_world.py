@@ -347,22 +347,11 @@ def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     for low, high in zip(EDGES_NATS[:-1], EDGES_NATS[1:], strict=True):
         part = values[(values[:, 0] >= low) & (values[:, 0] < high)]
         if len(part):
-            share, least, most = proportion(part[:, 1].astype(bool).tolist())
+            named = proportion(part[:, 1].astype(bool).tolist())
             best = float(power(part[:, 0], FALSE_ALARM_RATE).mean())
             # geometric mean, as nats are drawn on a logarithmic axis; the floor is for 0
             middle = float(np.exp(np.log(np.maximum(part[:, 0], 0.1)).mean()))
-            bins.append(
-                {
-                    "from_nats": low,
-                    "to_nats": high,
-                    "middle_nats": middle,
-                    "names": len(part),
-                    "named": share,
-                    "low": least,
-                    "high": most,
-                    "best_method": best,
-                }
-            )
+            bins.append((low, high, middle, len(part), *named, best))
     columns = ["from_nats", "to_nats", "middle_nats", "names", "named", "low", "high"]
     return pd.DataFrame(bins, columns=[*columns, "best_method"])
 

@@ -359,20 +359,10 @@ def _by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
             for severity in ("weak", "medium", "strong"):
                 here = [j for j in of if j.truth and j.truth[-1] == name and j.severity == severity]
                 if here:
-                    value, low, high = proportion([j.exact for j in here])
-                    rows.append(
-                        {
-                            "category": category,
-                            "effect": name,
-                            "severity": severity,
-                            "n": len(here),
-                            "exact": value,
-                            "low": low,
-                            "high": high,
-                            "nothing": np.mean([j.outcome == "nothing" for j in here]),
-                            "wrong": np.mean([bool(j.wrong) for j in here]),
-                        }
-                    )
+                    exact = proportion([j.exact for j in here])
+                    nothing = np.mean([j.outcome == "nothing" for j in here])
+                    wrong = np.mean([bool(j.wrong) for j in here])
+                    rows.append((category, name, severity, len(here), *exact, nothing, wrong))
     return pd.DataFrame(
         rows,
         columns=["category", "effect", "severity", "n", "exact", "low", "high", "nothing", "wrong"],
