@@ -16,11 +16,10 @@ import pandas as pd
 from ges.conventions import (
     BODY_RATE,
     POSITION,
-    POSITION_REF,
+    REFERENCE,
     QUATERNION,
     SPECIFIC_FORCE,
     VELOCITY,
-    VELOCITY_REF,
 )
 from ges.errors import GesError, UsageError
 
@@ -36,7 +35,7 @@ COLUMNS: Mapping[str, str] = {
     "battery": "battery_V|battery_A",
     "range": "range_m",
     "ground": "ground_z_m",
-    "reference": "|".join((*POSITION_REF, *VELOCITY_REF, "yaw_ref_rad")),
+    "reference": "|".join(REFERENCE),
     "excitation": "excite_[xyz]_rad_s2|excite_up_m_s2",
 }
 """Contract columns of each stream, as a pattern; what fits none is kept in the stream ``other``."""
