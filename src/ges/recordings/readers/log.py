@@ -351,6 +351,17 @@ def named_streams(
     return {name: Stream(t_s, group, source) for name, group in groups.items()}
 
 
+def from_first_sample(streams: Mapping[str, Stream]) -> dict[str, Stream]:
+    """Shift the clock of streams, so that t = 0 is the first sample of any.
+
+    Parameters
+    ----------
+    streams : by name, on one clock.
+    """
+    start_s = min((s.t_s[0] for s in streams.values()), default=0.0)
+    return {n: dataclasses.replace(s, t_s=s.t_s - start_s) for n, s in streams.items()}
+
+
 def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:
     """Select rows whose times are finite and strictly increase.
 
