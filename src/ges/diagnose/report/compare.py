@@ -73,8 +73,8 @@ def compare(
         "findings": [*_findings(first, second), *_laws(first, second)],
         "numbers": list(_numbers(first["calibration"], second["calibration"])),
         "errors": [
-            *_errors(*(c["fit"]["channels"] for c in both), ""),
-            *_errors(*(_rollout_channels(c) for c in both), ahead),
+            *_errors(first["fit"]["channels"], second["fit"]["channels"], ""),
+            *_errors(_rollout_channels(first), _rollout_channels(second), ahead),
         ],
     }
 
@@ -174,7 +174,8 @@ def _parameter(name: str, pair: Sequence[Mapping[str, Any] | None]) -> dict[str,
 
 def _values(values: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
     """Return both values with intervals, in words, and whether the intervals overlap."""
-    (a_low, a_high), (b_low, b_high) = (v["ci95"] if v else (None, None) for v in values)
+    ends: list[Any] = [v["ci95"] if v else (None, None) for v in values]
+    (a_low, a_high), (b_low, b_high) = ends
     known = None not in (a_low, a_high, b_low, b_high)
     return {
         "each": [

@@ -69,13 +69,14 @@ def _removals(simulator: Simulator) -> dict[str, _Removal]:
 
 def _conditions_without(cause: str, gone: _Removal) -> Iterator[Condition]:
     """Yield oracle, analytical and no feedforward without a cause, then no ground effect at all."""
-    for name, mode, own, truth in (
+    arms: tuple[tuple[str, str, Mapping[str, float], Mapping[str, float]], ...] = (
         ("none", "none", {}, gone.truth),
         ("analytical", "analytical", {}, gone.truth),
         ("oracle", "oracle", gone.oracle, gone.truth),
         (FLOOR, "none", {}, {"amplitude": 0.0}),
-    ):
-        numbers = {"mode": mode, **gone.every_mode, **own}
+    )
+    for name, mode, own, truth in arms:
+        numbers: dict[str, float | str] = {"mode": mode, **gone.every_mode, **own}
         yield Condition(f"{name}, {cause}", numbers, truth, {"cause": cause, "mode": name})
 
 
