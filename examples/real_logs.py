@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -28,9 +29,10 @@ def run(name: str, commands: Sequence[str], recordings: Path) -> Path:
     folder = WORK / re.sub(r"\W+", "-", name)
     if (folder / SAID).exists():
         return folder
-    folder.mkdir(parents=True, exist_ok=True)
-    if not (folder / "recordings").is_symlink():
-        (folder / "recordings").symlink_to(recordings.resolve())
+    # what was interrupted leaves a folder in which the same commands are refused
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    (folder / "recordings").symlink_to(recordings.resolve())
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for command in commands:
         ended = subprocess.run(

@@ -34,6 +34,8 @@ BODY_RATE = tuple(f"omega_{a}_rad_s" for a in AXES)
 SPECIFIC_FORCE = tuple(f"acc_{a}_m_s2" for a in AXES)
 POSITION_REF = tuple(f"p_ref_{a}_m" for a in AXES)
 VELOCITY_REF = tuple(f"v_ref_{a}_m_s" for a in AXES)
+REFERENCE = (*POSITION_REF, *VELOCITY_REF, "yaw_ref_rad")
+EXCITATION = (*(f"excite_{a}_rad_s2" for a in AXES), "excite_up_m_s2")
 
 
 @functools.cache

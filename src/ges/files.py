@@ -11,9 +11,12 @@ import shutil
 import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ges.errors import GesError, UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @contextlib.contextmanager
@@ -150,6 +153,19 @@ def write_text(path: str | Path, text: str) -> None:
     """
     with replacing(path) as new:
         new.write_text(text, encoding="utf-8")
+
+
+def write_csv(path: str | Path, table: pd.DataFrame, digits: int | None = None) -> None:
+    """Write a table without its index, complete or not at all.
+
+    Parameters
+    ----------
+    path : file to replace; its folder is made where it is missing.
+    table : content.
+    digits : significant digits of its numbers; all bits without.
+    """
+    with replacing(path) as new:
+        table.to_csv(new, index=False, float_format=f"%.{digits}g" if digits else None)
 
 
 def write_json(path: str | Path, content: Any) -> None:

@@ -78,11 +78,11 @@ def _unlike(curve: np.ndarray, form, start) -> float:
     return float(np.sqrt(np.mean(found.fun**2) / np.mean(curve**2)))
 
 
-def _cushion(gain: float = 0.1) -> np.ndarray:
-    table = rotor.table_of(0.9, 0.0145).cushion
+def _ground_gain(gain: float = 0.1) -> np.ndarray:
+    table = rotor.table_of(0.9, 0.0145).near_ground
     share = float(np.interp(-(1.0 + gain), -table, rotor.SHARES))
     blocked = (1.0 - share) / ground.blocked_share(np.array(1.0)) * ground.blocked_share(X)
-    return rotor.cushion_of(table[None], 1.0 - blocked[:, None])[:, 0] - 1.0
+    return rotor.near_ground_thrust(table[None], 1.0 - blocked[:, None])[:, 0] - 1.0
 
 
 def _sanchez_cuevas(p):
@@ -109,9 +109,9 @@ CUSHIONS = {
 
 
 @pytest.mark.parametrize("name", CUSHIONS)
-def test_cushion_has_a_form_of_its_own(name):
+def test_the_ground_effect_has_a_form_of_its_own(name):
     form, start = CUSHIONS[name]
-    assert _unlike(_cushion(), form, start) > LEAST_UNLIKE
+    assert _unlike(_ground_gain(), form, start) > LEAST_UNLIKE
 
 
 def test_fountain_has_a_form_of_its_own():
@@ -125,7 +125,7 @@ def test_fountain_has_a_form_of_its_own():
 
 def test_fading_in_forward_flight_has_a_form_of_its_own():
     speed = np.linspace(0.0, 12.0, 60)
-    way, cosine = ground.along_wake(1.0, speed, 5.0, 2.0)
+    way, cosine = ground.wake_path(1.0, speed, 5.0, 2.0)
     curve = ground.blocked_share(way) * cosine
     assert curve[0] == pytest.approx(float(ground.blocked_share(np.array(1.0))))
     form = lambda p: p[0] / (1.0 + (p[1] * speed / 5.0) ** 2)  # noqa: E731

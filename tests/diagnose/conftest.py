@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ges.conventions import BODY_RATE, POSITION, QUATERNION, REFERENCE, VELOCITY, rotor_speed
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
 from ges.vehicle.file import Vehicle, parse_vehicle
@@ -23,28 +24,11 @@ SHEET = {
     "torque_coefficient_Nm_s2": {"value": 1e-7, "sd_rel": 0.1},
     "max_rotor_speed_rad_s": 1000,
 }
-POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
-SPEEDS = tuple(f"rotor_speed_{i}_rad_s" for i in range(1, 5))
-REFERENCES = (
-    "p_ref_x_m",
-    "p_ref_y_m",
-    "p_ref_z_m",
-    "v_ref_x_m_s",
-    "v_ref_y_m_s",
-    "v_ref_z_m_s",
-    "yaw_ref_rad",
-)
+POSE = ("t_s", *POSITION, *VELOCITY)
+SPEEDS = rotor_speed(4)
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ATTITUDE = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
-READINGS = {
-    "gyro_x_rad_s": "omega_x_rad_s",
-    "gyro_y_rad_s": "omega_y_rad_s",
-    "gyro_z_rad_s": "omega_z_rad_s",
-    "attitude_w": "q_w",
-    "attitude_x": "q_x",
-    "attitude_y": "q_y",
-    "attitude_z": "q_z",
-}
+READINGS = dict(zip((*GYRO, *ATTITUDE), (*BODY_RATE, *QUATERNION), strict=True))
 NOISE = {"v_x": 0.02, "v_y": 0.02, "v_z": 0.02, "gyr": 0.02, "att": 0.001}
 
 
@@ -107,4 +91,4 @@ def held_down() -> Callable[..., pd.DataFrame]:
 @pytest.fixture(scope="session")
 def with_rates() -> tuple[str, ...]:
     """Extra columns: gyro and references."""
-    return (*GYRO, *REFERENCES)
+    return (*GYRO, *REFERENCE)

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 import ges
+from ges.conventions import POSITION, REFERENCE, SPECIFIC_FORCE, VELOCITY, command
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.detectors.gusts import load_may_push
@@ -23,27 +24,10 @@ from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
 from ges.vehicle.file import Estimate, GroundFile
 
-POSE = ("t_s", "p_x_m", "p_y_m", "p_z_m", "v_x_m_s", "v_y_m_s", "v_z_m_s")
-ACC = ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2")
-LOGGED = (
-    "gyro_x_rad_s",
-    "gyro_y_rad_s",
-    "gyro_z_rad_s",
-    *ACC,
-    "u_1",
-    "u_2",
-    "u_3",
-    "u_4",
-    "range_m",
-    "battery_V",
-    "p_ref_x_m",
-    "p_ref_y_m",
-    "p_ref_z_m",
-    "v_ref_x_m_s",
-    "v_ref_y_m_s",
-    "v_ref_z_m_s",
-    "yaw_ref_rad",
-)
+POSE = ("t_s", *POSITION, *VELOCITY)
+ACC = SPECIFIC_FORCE
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+LOGGED = (*GYRO, *ACC, *command(4), "range_m", "battery_V", *REFERENCE)
 ORDINARY = (
     ("height_staircase", (30.0,)),
     ("straight_runs", (30.0,)),
@@ -466,7 +450,7 @@ def test_gusts_are_found_where_the_drag_is_known_and_one_flight_tells_of_no_forc
         update={"effects": {"rotor_drag": {"k_kg": Estimate(value=DRAG["rotor_drag"]["k_kg"])}}}
     )
     flights = gusty(8.0)
-    silent = flights[1].drop(columns=["v_x_m_s", "v_y_m_s", "v_z_m_s"])
+    silent = flights[1].drop(columns=list(VELOCITY))
     found = ges.diagnose([silent, *flights], dragged, holdout=["flight6"])
     assert [f.name for f in found.findings] == ["gusts"], found.sentence
 

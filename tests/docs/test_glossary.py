@@ -21,8 +21,8 @@ GONE = re.compile(
 )
 """Within words too, but for those that are parts of others: constraint, on-board."""
 GONE_FROM_NAMES = re.compile(
-    r"(?:^|_)(?:told|said|heard|lost|carriers?|doubts?|answers?|answered|beside|declared|found"
-    r"|strangers?)(?:_|$)",
+    r"(?:^|_)(?:told|said|heard|lost|carriers?|cushions?|doubts?|answers?|answered|beside"
+    r"|declared|found|strangers?)(?:_|$)",
     re.IGNORECASE,
 )
 """Parts of names between underscores."""

@@ -10,6 +10,7 @@ import json
 import resource
 import signal
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import models
@@ -88,6 +89,13 @@ def within_limits():
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
+def read_damaged(path: Path, data: bytes, read: Callable[[Path], object]) -> None:
+    """Write a damaged file, and read it within limits."""
+    path.write_bytes(data)
+    with within_limits():
+        read(path)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("fuzz")
@@ -117,10 +125,7 @@ def read_vehicle(path: Path) -> None:
 @examples(1500)
 @given(st.one_of(damaged_trees(VEHICLE).map(dumped), damaged_bytes(dumped(VEHICLE))))
 def test_vehicle_files(folder, data):
-    path = folder / "vehicle.yaml"
-    path.write_bytes(data)
-    with within_limits():
-        read_vehicle(path)
+    read_damaged(folder / "vehicle.yaml", data, read_vehicle)
 
 
 GROUND = io.BytesIO()
@@ -131,10 +136,7 @@ np.savez_compressed(GROUND, x_m=np.arange(4.0), y_m=np.arange(3.0), z_m=np.zeros
 @examples(1500)
 @given(damaged_bytes(GROUND.getvalue()))
 def test_height_maps(folder, data):
-    path = folder / "ground.npz"
-    path.write_bytes(data)
-    with within_limits():
-        Terrain.load(path)
+    read_damaged(folder / "ground.npz", data, Terrain.load)
 
 
 MODELS = {
@@ -202,10 +204,7 @@ TOPICS = {
 @examples(600)
 @given(st.one_of(damaged_trees(TOPICS).map(dumped), damaged_bytes(dumped(TOPICS))))
 def test_topic_maps(folder, data):
-    path = folder / "topics.yaml"
-    path.write_bytes(data)
-    with within_limits():
-        load_map(path, TopicMap)
+    read_damaged(folder / "topics.yaml", data, lambda path: load_map(path, TopicMap))
 
 
 CONFIG = config.read(ROOT / "config/default.yaml")
@@ -215,10 +214,7 @@ CONFIG = config.read(ROOT / "config/default.yaml")
 @examples(300)
 @given(st.one_of(damaged_trees(CONFIG).map(dumped), damaged_bytes(dumped(CONFIG))))
 def test_configurations_of_the_study(folder, data):
-    path = folder / "config.yaml"
-    path.write_bytes(data)
-    with within_limits():
-        config.load(path)
+    read_damaged(folder / "config.yaml", data, config.load)
 
 
 # Tables and recording sets.
@@ -308,10 +304,7 @@ FLIGHT = (EXAMPLE / "stairs_fast.parquet").read_bytes()
 @examples(1000)
 @given(damaged_bytes(FLIGHT))
 def test_damaged_parquet(folder, data):
-    path = folder / "flight.parquet"
-    path.write_bytes(data)
-    with within_limits():
-        open_log(path).frame()
+    read_damaged(folder / "flight.parquet", data, lambda path: open_log(path).frame())
 
 
 # A diagnosis that was written.
@@ -337,10 +330,7 @@ def read_diagnosis(path: Path) -> None:
     )
 )
 def test_diagnoses_read_back(folder, data):
-    path = folder / "diagnosis.json"
-    path.write_bytes(data)
-    with within_limits():
-        read_diagnosis(path)
+    read_damaged(folder / "diagnosis.json", data, read_diagnosis)
 
 
 # Logs of autopilots.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from ges.commands import PATH
 from ges.simulator import effects, manoeuvres
 from ges.simulator import flight as sim
 from ges.simulator.terrain import Terrain
@@ -163,10 +164,8 @@ def _logged(record: sim.Record, seed: int) -> pd.DataFrame:
     """Give a flight's table, its velocity and attitude as noisy as an estimator's."""
     import pandas as pd
 
-    rng, columns = (
-        np.random.default_rng(seed),
-        {READ.get(name, name): values for name, values in record.columns.items()},
-    )
+    rng = np.random.default_rng(seed)
+    columns = {READ.get(name, name): values for name, values in record.columns.items()}
     return pd.DataFrame(
         {n: v + rng.normal(0.0, NOISE.get(n[:2], 0.0), len(v)) for n, v in columns.items()}
     )
@@ -238,7 +237,7 @@ BENCHES = {"sim": _bench_sim, "diagnosis": _bench_diagnosis}
 @click.option(
     "--repeats", default=5, show_default=True, help="Runs of each case; the fastest counts."
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Write the figures here as JSON.")
+@click.option("--out", type=PATH, help="Write the figures here as JSON.")
 def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
     """Measure how fast the simulator or the diagnosis is.
 

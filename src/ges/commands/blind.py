@@ -8,9 +8,10 @@ from pathlib import Path
 
 import click
 
+from ges.commands import PATH
 from ges.commands.settings import SET
 
-FOLDER = click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+FOLDER = click.argument("folder", type=PATH, metavar="DIR")
 PROCESSES = click.option(
     "--processes",
     type=click.IntRange(min=1),
@@ -72,9 +73,7 @@ def command() -> None:
 
 @command.command()
 @click.option("--seed", type=click.IntRange(min=0), required=True, help="Seed of everything drawn.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
-)
+@click.option("--out", type=PATH, required=True, help="Folder for cases/ and sealed/.")
 @click.option(
     "--grid",
     default="sample",
@@ -130,11 +129,7 @@ def run(
 
 @command.command()
 @FOLDER
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder for tables and figures; default: DIR/scores.",
-)
+@click.option("--out", type=PATH, help="Folder for tables and figures; default: DIR/scores.")
 @OF
 @SET
 def score(folder: Path, out: Path | None, method: str, pairs: tuple[str, ...]) -> None:
@@ -238,9 +233,7 @@ def methods() -> None:
     required=True,
     help="Which half; the other one has other paths, rates and noise.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder for cases/ and sealed/."
-)
+@click.option("--out", type=PATH, required=True, help="Folder for cases/ and sealed/.")
 @click.option("--only", multiple=True, metavar="NAME", help="A world; may be given several times.")
 @click.option(
     "--every",
@@ -251,7 +244,7 @@ def methods() -> None:
 )
 @click.option(
     "--recordings",
-    type=click.Path(path_type=Path),
+    type=PATH,
     envvar="GES_RECORDINGS",
     default=Path("recordings"),
     show_default=True,
@@ -259,7 +252,7 @@ def methods() -> None:
 )
 @click.option(
     "--given",
-    type=click.Path(path_type=Path),
+    type=PATH,
     envvar="GES_WORLDS",
     default=Path("worlds"),
     show_default=True,

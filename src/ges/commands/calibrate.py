@@ -6,16 +6,13 @@ from pathlib import Path
 
 import click
 
+from ges.commands import PATH
 from ges.files import require_file
 
 
 @click.command()
-@click.argument(
-    "recordings", type=click.Path(path_type=Path), metavar="SET...", nargs=-1, required=True
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Vehicle file to write."
-)
+@click.argument("recordings", type=PATH, metavar="SET...", nargs=-1, required=True)
+@click.option("--out", type=PATH, required=True, help="Vehicle file to write.")
 def command(recordings: tuple[Path, ...], out: Path) -> None:
     """Fit a vehicle's numbers, motor gains and trims to reference flights, within their tolerances.
 

@@ -6,18 +6,14 @@ from pathlib import Path
 
 import click
 
+from ges.commands import PATH
 from ges.files import require_file
 
 
 @click.command()
-@click.argument("first", type=click.Path(path_type=Path), metavar="DIR")
-@click.argument("second", type=click.Path(path_type=Path), metavar="DIR")
-@click.option(
-    "--html",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write the comparison as a page, too.",
-)
+@click.argument("first", type=PATH, metavar="DIR")
+@click.argument("second", type=PATH, metavar="DIR")
+@click.option("--html", type=PATH, metavar="FILE", help="Write the comparison as a page, too.")
 def command(first: Path, second: Path, html: Path | None) -> None:
     """Lay two diagnoses side by side.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from ges.commands import PATH
 from ges.study import config
 
 INTRO = """# Configuration
@@ -21,7 +22,7 @@ Seeds of different lists may not overlap.
 
 
 @click.command()
-@click.argument("files", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, type=PATH)
 @click.option("--schema", "form", flag_value="schema", help="JSON schema of a whole configuration.")
 @click.option("--markdown", "form", flag_value="markdown", help="Every key as a page for docs/.")
 def command(files: tuple[Path, ...], form: str | None) -> None:

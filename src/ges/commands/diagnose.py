@@ -13,25 +13,19 @@ from typing import Any
 
 import click
 
+from ges.commands import LAYOUT, OPEN, PATH
 from ges.commands.import_ import MEND, reading_options
 from ges.commands.settings import SET
 from ges.errors import GesError, visible
-from ges.files import NEW, require_file, require_folder
+from ges.files import NEW, require_file, require_folder, write_csv
 
 SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
 """Options that change nothing of the diagnosis."""
 
 
 @click.command()
-@click.argument(
-    "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SET|LOG..."
-)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Folder for the page and its files.",
-)
+@click.argument("sources", nargs=-1, required=True, type=PATH, metavar="SET|LOG...")
+@click.option("--out", type=PATH, required=True, help="Folder for the page and its files.")
 @click.option(
     "--vehicle",
     metavar="NAME|FILE",
@@ -45,16 +39,7 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
     help="LOG: what was flown, weighed; a vehicle file is made from the log.",
 )
 @click.option("--prop", metavar="SIZE", help="LOG: propellers, as 10in, 10x4.5 or 0.254m.")
-@click.option(
-    "--frame",
-    "--layout",
-    "layout",
-    metavar="NAME|FILE",
-    help=(
-        "LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them; or a"
-        " file with the mixer of Betaflight or INAV (what diff all prints)."
-    ),
-)
+@LAYOUT
 @click.option(
     "--holdout",
     multiple=True,
@@ -68,7 +53,7 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
 @MEND
 @click.option(
     "--write-flight",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE.csv",
     help=(
         "Write the recommended next flight as a set-point file, which ges simulate --references"
@@ -80,12 +65,7 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
     default=True,
     help="Write the page and its figures, or, for programs, the other files alone.",
 )
-@click.option(
-    "--open/--no-open",
-    "opened",
-    default=None,
-    help="Open the page in a browser. Default: at a terminal with a display.",
-)
+@OPEN
 @SET
 @click.pass_context
 def command(
@@ -98,15 +78,12 @@ def command(
     layout: str | None,
     holdout: tuple[str, ...],
     kind: str,
-    mapping: str | None,
-    pwm: tuple[float, float] | None,
-    rotor_order: tuple[int, ...] | None,
-    part: int | None,
     mends: tuple[str, ...],
     write_flight: Path | None,
     page: bool,
     opened: bool | None,
     pairs: tuple[str, ...],
+    **reading: Any,
 ) -> None:
     """Find what a simulator lacks, from recorded flights.
 
@@ -138,7 +115,7 @@ def command(
             prop=prop,
             layout=layout,
             holdout=holdout,
-            options=Options(mapping, pwm, rotor_order, part),
+            options=Options(**reading),
             kind=kind,
             mends=mends,
             command=command_line(context),
@@ -258,13 +235,11 @@ def _tell(diagnosis: Any, out: Path) -> None:
 
 def _flight_written(advised: Mapping[str, Any], path: Path) -> str:
     """Write the set points of the advised manoeuvre; what was done, as a sentence."""
-    from ges.files import replacing
     from ges.simulator import manoeuvres
 
     if not advised.get("manoeuvre"):
         return "no next flight is needed: nothing is open that another manoeuvre would separate"
-    with replacing(path) as new:
-        manoeuvres.to_frame(manoeuvres.make(advised["manoeuvre"])).to_csv(new, index=False)
+    write_csv(path, manoeuvres.to_frame(manoeuvres.make(advised["manoeuvre"])))
     prepared = f" (to be flown with {advised['preparation']})" if "preparation" in advised else ""
     return (
         f"{path}: set points of {advised['manoeuvre']}{prepared}, to separate"

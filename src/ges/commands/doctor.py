@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ges.commands import PATH
 from ges.errors import GesError, visible
 
 if TYPE_CHECKING:
@@ -37,20 +38,13 @@ def _show(examined: dict[str, Any], console: Console) -> None:
 
 
 @click.command("doctor")
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
+@click.argument("logs", nargs=-1, required=True, type=PATH, metavar="LOG...")
 @click.option("--format", "kind", default="auto", show_default=True, help="As of 'ges import'.")
 @click.option("--map", "mapping", help="Column or topic map: a YAML file or a preset's name.")
 @click.option("--pwm", type=(float, float), metavar="LOW HIGH", help="As of 'ges import'.")
 @click.option("--part", type=click.IntRange(min=1), help="As of 'ges import'.")
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable, a list with one a log.")
-def command(
-    logs: tuple[Path, ...],
-    kind: str,
-    mapping: str | None,
-    pwm: tuple[float, float] | None,
-    part: int | None,
-    as_json: bool,
-) -> None:
+def command(logs: tuple[Path, ...], kind: str, as_json: bool, **reading: Any) -> None:
     """Say what is in flight logs, what can be told from them, and what to log next time.
 
     Example: ges doctor flight.ulg
@@ -60,7 +54,7 @@ def command(
     from ges.examine import examine
     from ges.recordings.readers import Options
 
-    options, console = Options(mapping, pwm, None, part), Console()
+    options, console = Options(**reading), Console()
     examined, unread = [], 0
     for path in logs:
         try:

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import click
 
+from ges.commands import PATH
+
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.argument("folder", type=PATH, metavar="DIR")
 @click.argument("name", required=False)
 def command(folder: Path, name: str | None) -> None:
     """Print what the diagnosis in DIR considered.

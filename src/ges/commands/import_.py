@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from ges.commands import PATH
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -98,20 +100,13 @@ def reading_options(function: Callable) -> Callable:
     return function
 
 
-def read_log(
-    path: Path,
-    kind: str,
-    mapping: str | None,
-    pwm: tuple[float, float] | None,
-    rotor_order: tuple[int, ...] | None,
-    part: int | None,
-) -> Log:
+def read_log(path: Path, kind: str, **options: Any) -> Log:
     """Read a log as the options of :data:`READING` say.
 
     Parameters
     ----------
-    path, kind, mapping, pwm, rotor_order, part : see :class:`ges.recordings.readers.Options` and
-        :func:`ges.recordings.readers.open_log`.
+    path, kind : see :func:`ges.recordings.readers.open_log`.
+    **options : see :class:`ges.recordings.readers.Options`.
 
     Raises
     ------
@@ -122,7 +117,7 @@ def read_log(
     """
     from ges.recordings.readers import Options, open_log
 
-    return open_log(path, Options(mapping, pwm, rotor_order, part), kind)
+    return open_log(path, Options(**options), kind)
 
 
 def _parts(name: str, frame: pd.DataFrame, count: int) -> list[tuple[str, pd.DataFrame]]:
@@ -189,9 +184,7 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 
 
 @click.command("import")
-@click.argument(
-    "sources", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG..."
-)
+@click.argument("sources", nargs=-1, required=True, type=PATH, metavar="LOG...")
 @reading_options
 @MEND
 @click.option(
@@ -210,25 +203,19 @@ def _summary(name: str, frame: pd.DataFrame) -> str:
 @click.option(
     "--vehicle",
     "vehicle_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     required=True,
     help="Vehicle of these flights: a file, a simulator's model, or a name (ges vehicle --list).",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the recording set."
-)
+@click.option("--out", type=PATH, required=True, help="Folder of the recording set.")
 def command(
     sources: tuple[Path, ...],
-    kind: str,
-    mapping: str | None,
-    pwm: tuple[float, float] | None,
-    rotor_order: tuple[int, ...] | None,
-    part: int | None,
     mends: tuple[str, ...],
     parts: int,
     between: tuple[float, float] | None,
     vehicle_path: Path,
     out: Path,
+    **reading: Any,
 ) -> None:
     """Bring logs of one vehicle into a recording set, one flight a file.
 
@@ -245,7 +232,7 @@ def command(
     flights: list[tuple[str, pd.DataFrame]] = []
     noticed: dict[str, list[str]] = {}
     for name, path in flight_names(sources).items():
-        log = read_log(path, kind, mapping, pwm, rotor_order, part)
+        log = read_log(path, **reading)
         cut, empty = _without_empty(_parts(name, _within(name, log.frame(), between), parts))
         recordings = make_set(vehicle, cut, mends=mends)
         # what a reader notes is mostly the same of all logs: said once, with their names

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ges.commands import PATH
 from ges.recordings import published
 
 
@@ -32,13 +33,11 @@ def list_sets() -> None:
 
 @command.command()
 @click.argument("names", nargs=-1)
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder to bring them to."
-)
+@click.option("--out", type=PATH, required=True, help="Folder to bring them to.")
 @click.option(
     "--from",
     "copies",
-    type=click.Path(path_type=Path),
+    type=PATH,
     envvar="GES_RECORDINGS",
     help="Take copies from this folder.",
 )

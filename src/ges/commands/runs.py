@@ -10,11 +10,12 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from ges.commands import PATH
 from ges.provenance import runs
 
 RESULTS = click.option(
     "--results",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("results"),
     show_default=True,
     help="Folder of the results.",

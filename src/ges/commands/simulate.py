@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from ges.commands import PATH
 from ges.errors import GesError, UsageError
 
 if TYPE_CHECKING:
@@ -96,18 +97,14 @@ def _recorded(record: sim.Record) -> dict[str, np.ndarray]:
 
 
 @click.command()
-@click.argument("vehicle_path", type=click.Path(path_type=Path), metavar="VEHICLE")
+@click.argument("vehicle_path", type=PATH, metavar="VEHICLE")
 @click.option(
     "--plan",
     default="height_staircase",
     show_default=True,
     help="Manoeuvre of the menu in ges.manoeuvres.",
 )
-@click.option(
-    "--references",
-    type=click.Path(path_type=Path),
-    help="Set-point file (CSV or Parquet) instead of a plan.",
-)
+@click.option("--references", type=PATH, help="Set-point file (CSV or Parquet) instead of a plan.")
 @click.option(
     "--duration", type=click.FloatRange(min=0.1), help="Seconds; default: the plan's own."
 )
@@ -127,7 +124,7 @@ def _recorded(record: sim.Record) -> dict[str, np.ndarray]:
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     required=True,
     help="Parquet file with the columns of a recording.",
 )

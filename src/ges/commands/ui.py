@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from ges.commands import OPEN
 from ges.commands.diagnose import at_a_display
 from ges.errors import GesError
 
@@ -38,12 +39,7 @@ LOOPBACK = "127.0.0.1"
     metavar="MB",
     help="What the files of one upload may have together.",
 )
-@click.option(
-    "--open/--no-open",
-    "opened",
-    default=None,
-    help="Open the page in a browser. Default: at a terminal with a display.",
-)
+@OPEN
 def command(folder: Path, port: int, limit_mb: int, opened: bool | None) -> None:
     """Serve a page to drop flight logs on.
 

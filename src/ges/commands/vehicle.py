@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ges.commands import LAYOUT, PATH
 from ges.commands.import_ import read_log, reading_options
 from ges.errors import GesError, UsageError, visible
 
@@ -32,7 +33,7 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 
 @click.command()
-@click.argument("source", type=click.Path(path_type=Path), metavar="LOG|MODEL|FILE|NAME")
+@click.argument("source", type=PATH, metavar="LOG|MODEL|FILE|NAME")
 @click.option("--mass", "mass_kg", type=float, metavar="KG", help="LOG: what was flown, weighed.")
 @click.option(
     "--prop",
@@ -50,16 +51,7 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     metavar="LENGTH",
     help="LOG: distance of a motor from the centre, half of the wheelbase.",
 )
-@click.option(
-    "--frame",
-    "--layout",
-    "layout",
-    metavar="NAME|FILE",
-    help=(
-        "LOG: order and spins of the motors, as x, hexa-x, x8 or y6, where the log lacks them; or a"
-        " file with the mixer of Betaflight or INAV (what diff all prints)."
-    ),
-)
+@LAYOUT
 @click.option(
     "--models",
     multiple=True,

@@ -42,7 +42,7 @@ class Output(StrictRun):
     size_bytes : size of the file.
     """
 
-    rule: str = Field(description="workflow rule that made it")
+    rule: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
     size_bytes: int = Field(ge=0)
 
@@ -57,9 +57,9 @@ class Code(StrictRun):
     sha256 : hash over the project's files.
     """
 
-    commit: str = Field(description="git commit, 'unknown' outside a checkout")
-    modified: bool = Field(description="files differed from the commit")
-    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="hash over the project's files")
+    commit: str
+    modified: bool
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
 
 
 class Environment(StrictRun):
@@ -79,7 +79,7 @@ class Environment(StrictRun):
     processor: str
     cores: int
     compiler: str
-    packages: dict[str, str] = Field(description="installed package versions")
+    packages: dict[str, str]
 
 
 class Timing(StrictRun):
@@ -97,10 +97,8 @@ class Timing(StrictRun):
     wall_s: float
     cpu_s: float | None
     peak_MiB: float | None
-    started_s: float = Field(description="after the first job of those recorded began")
-    starting_cpu_s: float | None = Field(
-        description="part of cpu_s before the work began: interpreter and imports"
-    )
+    started_s: float
+    starting_cpu_s: float | None
 
 
 class Manifest(StrictRun):
@@ -113,7 +111,7 @@ class Manifest(StrictRun):
     config, config_sha256 : configuration and its hash.
     code, environment : what ran, and where.
     seeds : seeds by list.
-    inputs : SHA-256 of files that were read, by path.
+    inputs : SHA-256 of the project's files, and of recordings, that were read, by path.
     outputs : files that were made, by path.
     metrics : numbers that the paper quotes, by name.
     timings : cost of each job.
@@ -126,9 +124,7 @@ class Manifest(StrictRun):
     code: Code
     environment: Environment
     seeds: dict[str, list[int]]
-    inputs: dict[str, str] = Field(
-        description="sha256 of the project's files, and of recordings, that were read"
-    )
+    inputs: dict[str, str]
     outputs: dict[str, Output]
     metrics: dict[str, float]
     timings: dict[str, Timing]
@@ -391,14 +387,11 @@ def load_manifest(path: Path) -> Manifest:
     try:
         return Manifest.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
-        problem = (
-            error.errors()[0]
-            if isinstance(error, ValidationError)
-            else {"loc": (), "msg": str(error)}
-        )
-        where = ".".join(map(str, problem["loc"]))
+        first = error.errors()[0] if isinstance(error, ValidationError) else None
+        where, problem = (first["loc"], first["msg"]) if first else ((), str(error))
         raise GesError(
-            f"manifest {path}: {where}: {problem['msg']}; run the workflow again to write it anew"
+            f"manifest {path}: {'.'.join(map(str, where))}: {problem}; run the workflow again to"
+            " write it anew"
         ) from None
 
 
@@ -492,11 +485,8 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """
     rows: dict[str, Any] = {}
     for key, value in tree.items():
-        rows |= (
-            flat(value, f"{prefix}{key}.")
-            if isinstance(value, Mapping)
-            else {f"{prefix}{key}": value}
-        )
+        inner = isinstance(value, Mapping)
+        rows |= flat(value, f"{prefix}{key}.") if inner else {f"{prefix}{key}": value}
     return rows
 
 
@@ -563,9 +553,7 @@ def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
     with mlflow.start_run(run_name=run.id) as started:
         mlflow.log_params({key: str(value) for key, value in flat(run.config).items()})
         mlflow.log_metrics(run.metrics)
-        mlflow.log_metrics(
-            {f"wall_s/{name}": timing.wall_s for name, timing in run.timings.items()}
-        )
+        mlflow.log_metrics({f"wall_s/{name}": t.wall_s for name, t in run.timings.items()})
         mlflow.set_tags(
             {
                 "commit": run.code.commit,

@@ -347,13 +347,8 @@ def fly(
             )
         # what is not reached, behind a state that stopped being finite, stays NaN
         out = np.full((rows, len(columns)), np.nan)
-        c.parameters, c.effects, c.grid, c.out, c.n_rows = (
-            _pointer(parameters),
-            effects,
-            _reference(grid),
-            _pointer(out),
-            len(out),
-        )
+        c.parameters, c.effects, c.grid = _pointer(parameters), effects, _reference(grid)
+        c.out, c.n_rows = _pointer(out), len(out)
         if inputs is not None:
             inputs = contiguous(inputs)
             c.inputs, c.n_inputs = _pointer(inputs), len(inputs)

@@ -13,25 +13,16 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from ges.conventions import MOST_NUMBERS
+from ges.conventions import AXES, EXCITATION, MOST_NUMBERS, POSITION_REF, VELOCITY_REF
 from ges.errors import GesError, UsageError, unknown_name
 
 STEP_S = 0.02
 COLUMNS = (
-    "p_ref_x_m",
-    "p_ref_y_m",
-    "p_ref_z_m",
-    "v_ref_x_m_s",
-    "v_ref_y_m_s",
-    "v_ref_z_m_s",
-    "a_ref_x_m_s2",
-    "a_ref_y_m_s2",
-    "a_ref_z_m_s2",
+    *POSITION_REF,
+    *VELOCITY_REF,
+    *(f"a_ref_{a}_m_s2" for a in AXES),
     "yaw_ref_rad",
-    "excite_x_rad_s2",
-    "excite_y_rad_s2",
-    "excite_z_rad_s2",
-    "excite_up_m_s2",
+    *EXCITATION,
 )
 
 

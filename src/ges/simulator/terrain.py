@@ -318,10 +318,8 @@ class Terrain:
         x_m, y_m, z = axes
         dx, dy = x_m[1] - x_m[0], y_m[1] - y_m[0]
         ny, nx = z.shape
-        fx, fy = (
-            np.clip((x - x_m[0]) / dx, 0.0, nx - 1.0),
-            np.clip((y - y_m[0]) / dy, 0.0, ny - 1.0),
-        )
+        fx = np.clip((x - x_m[0]) / dx, 0.0, nx - 1.0)
+        fy = np.clip((y - y_m[0]) / dy, 0.0, ny - 1.0)
         # the last cell holds the upper edge, too
         ix, iy = np.minimum(fx.astype(int), nx - 2), np.minimum(fy.astype(int), ny - 2)
         u, v = fx - ix, fy - iy

@@ -20,20 +20,16 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from ges.errors import GesError
-from ges.files import replacing, write_json
-from ges.study.config import SeedRange, Seeds
+from ges.files import write_csv, write_json
+from ges.study.config import Seeds
 
 CLOSE = 0.05
 """Relative distance from the published value that counts as reproduced where our interval misses
 it.
 """
 
-REPRODUCED, DIRECTION, NOT, UNMEASURED = (
-    "reproduced",
-    "same direction",
-    "not reproduced",
-    "not measured",
-)
+REPRODUCED, DIRECTION = "reproduced", "same direction"
+NOT, UNMEASURED = "not reproduced", "not measured"
 RULES = {
     "value": (
         "a number: reproduced if we are within a twentieth of it (of 1 - R² for an R²), or our 95 %"
@@ -420,11 +416,7 @@ def _number(value: float | None) -> str:
 def _behind(claim: Claim, seeds: Seeds) -> str:
     """Seeds behind our number, as first-last (count)."""
     named = [getattr(seeds, name) for name in claim.seeds.split()]
-    return " ".join(_range(r) for r in named)
-
-
-def _range(r: SeedRange) -> str:
-    return f"{r.first}-{r.first + r.count - 1} ({r.count})"
+    return " ".join(f"{r.first}-{r.first + r.count - 1} ({r.count})" for r in named)
 
 
 def _rows(
@@ -471,6 +463,5 @@ def write_claims(
     rules : to write (JSON): the rules of the verdict.
     """
     read = read_tables(tables, results)
-    with replacing(table) as new:
-        pd.DataFrame(list(_rows(claims(listed), read, seeds))).to_csv(new, index=False)
+    write_csv(table, pd.DataFrame(list(_rows(claims(listed), read, seeds))))
     write_json(rules, RULES)

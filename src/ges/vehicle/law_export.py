@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ges.conventions import MAX_ROTORS, rotor_speed
+from ges.conventions import BODY_RATE, MAX_ROTORS, POSITION, VELOCITY, rotor_speed
 from ges.errors import GesError
 from ges.simulator import laws
 from ges.simulator.effects import Samples, evaluate_terms
@@ -18,8 +18,8 @@ from ges.vehicle.file import Vehicle
 # one of everything, level and high enough for the height itself to count: a group is then one over
 # its reference, and R/h the radius
 _ONE = {
-    **dict.fromkeys(("v_x_m_s", "v_y_m_s", "v_z_m_s", "p_x_m", "p_y_m", "p_z_m"), 1.0),
-    **dict.fromkeys(("omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s", "battery_V"), 1.0),
+    **dict.fromkeys((*VELOCITY, *POSITION), 1.0),
+    **dict.fromkeys((*BODY_RATE, "battery_V"), 1.0),
     **dict.fromkeys(rotor_speed(MAX_ROTORS), 1.0),
 }
 GROUND = "R"

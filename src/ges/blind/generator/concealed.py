@@ -144,16 +144,6 @@ def _parasitic_drag(craft: TrueVehicle, level: int, rng: np.random.Generator) ->
     return {"area_m2": share_at_3_m_s * _weight_N(craft) / (0.5 * RHO_KG_M3 * 9.0)}
 
 
-def _axial_inflow(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"axial": 1.0, "blade_s": _pick(level, (0.2, 0.45, 0.85), rng)}
-
-
-def _translational_lift(
-    craft: TrueVehicle, level: int, rng: np.random.Generator
-) -> dict[str, float]:
-    return {"edgewise": 1.0, "blade_s": _pick(level, (0.35, 0.6, 1.0), rng)}
-
-
 def _moving_air(craft: TrueVehicle, rng: np.random.Generator) -> dict[str, float]:
     return _rotor_drag(craft, int(rng.integers(1, 3)), rng)
 
@@ -184,42 +174,8 @@ def _ground_effect(craft: TrueVehicle, level: int, rng: np.random.Generator) -> 
     return {"image_gain": upwash / (1.0 - min(upwash / 0.75, 0.8)) / _image_sum_at(craft, 1.0)}
 
 
-def _forward_fade(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return _ground_effect(craft, max(level, 1), rng) | {
-        "image_sweep": _pick(level, (2.0, 3.5, 6.0), rng)
-    }
-
-
-def _ground_lag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return _ground_effect(craft, max(level, 1), rng) | {
-        "image_lag": _pick(level, (1.5, 3.5, 8.0), rng)
-    }
-
-
-def _ground_moment(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return _ground_effect(craft, max(level, 1), rng) | {
-        "image_contrast": _pick(level, (0.8, 1.6, 3.0), rng)
-    }
-
-
-def _fountain(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"fountain": _pick(level, (0.025, 0.05, 0.10), rng)}
-
-
-def _battery_sag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"sags": _pick(level, (0.3, 0.6, 0.95), rng, 0.05)}
-
-
 def _motor_lag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"lag_gain": _pick(level, (1.5, 1.9, 2.5), rng, 0.05), "coast": rng.uniform(1.0, 1.5)}
-
-
-def _esc_delay(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"delay_s": _pick(level, (0.006, 0.012, 0.025), rng)}
-
-
-def _thrust_curve(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"curve_droop": _pick(level, (0.08, 0.18, 0.35), rng)}
 
 
 def _saturation(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
@@ -263,10 +219,6 @@ def _payload(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[s
     return {"payload_share": share, "payload_x_m": x * away, "payload_y_m": y * away}
 
 
-def _coaxial_wake(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"coaxial": _pick(level, (0.35, 0.6, 1.0), rng)}
-
-
 def _tether(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {
         "tether_N_m": _pick(level, (0.01, 0.025, 0.05), rng) * _weight_N(craft),
@@ -274,32 +226,43 @@ def _tether(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[st
     }
 
 
-def _thrust_scale(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"thrust_error": 1.0 + _sign(rng) * _pick(level, (0.10, 0.15, 0.22), rng, 0.1)}
-
-
 def _inertia(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return {"inertia_error": 1.0 + _pick(level, (0.28, 0.45, 0.7), rng, 0.1)}
-
-
-def _torque(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"torque_error": 1.0 + _sign(rng) * _pick(level, (0.3, 0.45, 0.6), rng, 0.1)}
 
 
 def _mapping(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
     return _ground_effect(craft, level, rng) | {"mapping": 0.5}
 
 
-def _range_bias(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"range_bias_m": _sign(rng) * _pick(level, (0.03, 0.06, 0.12), rng)}
+def _number(
+    key: str, values: tuple[float, float, float], spread: float = 0.15, **others: float
+) -> Secret:
+    return lambda craft, level, rng: {**others, key: _pick(level, values, rng, spread)}
 
 
-def _range_lag(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"range_lag_s": _pick(level, (0.06, 0.15, 0.35), rng)}
+def _either_way(key: str, values: tuple[float, float, float], spread: float = 0.15) -> Secret:
+    return lambda craft, level, rng: {
+        key: NEUTRAL[key] + _sign(rng) * _pick(level, values, rng, spread)
+    }
 
 
-def _time_offset(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"time_offset_s": _sign(rng) * _pick(level, (0.015, 0.03, 0.06), rng)}
+def _of_weight(key: str, values: tuple[float, float, float]) -> Secret:
+    return lambda craft, level, rng: {key: _pick(level, values, rng) * _weight_N(craft)}
+
+
+def _over_ground(key: str, values: tuple[float, float, float]) -> Secret:
+    return lambda craft, level, rng: (
+        _ground_effect(craft, max(level, 1), rng) | {key: _pick(level, values, rng)}
+    )
+
+
+def _at_a_place(key: str) -> Secret:
+    def secret(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
+        x, y = rng.uniform(-1.0, 1.0, 2)
+        force = _pick(level, (0.04, 0.08, 0.15), rng) * _weight_N(craft)
+        return {key: force, "magnet_x_m": x, "magnet_y_m": y}
+
+    return secret
 
 
 def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str = "xyz") -> Secret:
@@ -312,42 +275,22 @@ def _bias(prefix: str, unit: str, values: tuple[float, float, float], axes: str 
     return secret
 
 
-def _magnet(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    x, y = rng.uniform(-1.0, 1.0, 2)
-    force = _pick(level, (0.04, 0.08, 0.15), rng) * _weight_N(craft)
-    return {"magnet_N": force, "magnet_x_m": x, "magnet_y_m": y}
-
-
-def _wall(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"wall_N": _pick(level, (0.03, 0.06, 0.12), rng) * _weight_N(craft)}
-
-
-def _updraft(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    x, y = rng.uniform(-1.0, 1.0, 2)
-    force = _pick(level, (0.04, 0.08, 0.15), rng) * _weight_N(craft)
-    return {"updraft_N": force, "magnet_x_m": x, "magnet_y_m": y}
-
-
-def _hatch(craft: TrueVehicle, level: int, rng: np.random.Generator) -> dict[str, float]:
-    return {"hatch_N": _pick(level, (0.05, 0.1, 0.2), rng) * _weight_N(craft)}
-
-
 PHYSICS: dict[str, Secret] = {
     "rotor_drag": _rotor_drag,
     "parasitic_drag": _parasitic_drag,
-    "axial_inflow": _axial_inflow,
-    "translational_lift": _translational_lift,
+    "axial_inflow": _number("blade_s", (0.2, 0.45, 0.85), axial=1.0),
+    "translational_lift": _number("blade_s", (0.35, 0.6, 1.0), edgewise=1.0),
     "wind": _wind,
     "gusts": _gusts,
     "ground_effect": _ground_effect,
-    "ground_effect_forward_flight": _forward_fade,
-    "ground_effect_lag": _ground_lag,
-    "ground_effect_moment": _ground_moment,
-    "fountain_lift": _fountain,
-    "battery_sag": _battery_sag,
+    "ground_effect_forward_flight": _over_ground("image_sweep", (2.0, 3.5, 6.0)),
+    "ground_effect_lag": _over_ground("image_lag", (1.5, 3.5, 8.0)),
+    "ground_effect_moment": _over_ground("image_contrast", (0.8, 1.6, 3.0)),
+    "fountain_lift": _number("fountain", (0.025, 0.05, 0.10)),
+    "battery_sag": _number("sags", (0.3, 0.6, 0.95), 0.05),
     "motor_lag": _motor_lag,
-    "esc_delay": _esc_delay,
-    "thrust_curve": _thrust_curve,
+    "esc_delay": _number("delay_s", (0.006, 0.012, 0.025)),
+    "thrust_curve": _number("curve_droop", (0.08, 0.18, 0.35)),
     "rotor_saturation": _saturation,
     "weak_rotor": _weak_rotor,
     "cg_offset": _cg_offset,
@@ -355,37 +298,31 @@ PHYSICS: dict[str, Secret] = {
     "rotor_inertia_reaction": _rotor_inertia,
     "slung_load": _slung_load,
     "payload": _payload,
-    "coaxial_wake": _coaxial_wake,
+    "coaxial_wake": _number("coaxial", (0.35, 0.6, 1.0)),
     "tether": _tether,
 }
 PARAMETER: dict[str, Secret] = {
-    "thrust_scale": _thrust_scale,
+    "thrust_scale": _either_way("thrust_error", (0.10, 0.15, 0.22), 0.1),
     "inertia": _inertia,
-    "torque_coefficient": _torque,
+    "torque_coefficient": _either_way("torque_error", (0.3, 0.45, 0.6), 0.1),
     "actuator_mapping": _mapping,
 }
 SENSOR: dict[str, Secret] = {
-    "rangefinder_bias": _range_bias,
-    "rangefinder_lag": _range_lag,
-    "time_offset": _time_offset,
+    "rangefinder_bias": _either_way("range_bias_m", (0.03, 0.06, 0.12)),
+    "rangefinder_lag": _number("range_lag_s", (0.06, 0.15, 0.35)),
+    "time_offset": _either_way("time_offset_s", (0.015, 0.03, 0.06)),
     "accelerometer_bias": _bias("acc_bias", "m_s2", (0.15, 0.35, 0.8)),
     "gyro_bias": _bias("gyro_bias", "rad_s", (0.02, 0.05, 0.12)),
     "attitude_bias": _bias("att_bias", "rad", (0.014, 0.03, 0.06), "xy"),
 }
 UNLISTED: dict[str, Secret] = {
-    "magnetic_patch": _magnet,
-    "wall_suction": _wall,
-    "updraft_column": _updraft,
-    "loose_hatch": _hatch,
-    "vortex_ring_buffet": lambda craft, level, rng: {
-        "buffet": _pick(level, (0.08, 0.16, 0.3), rng)
-    },
-    "flapping_moment": lambda craft, level, rng: {
-        "pitch_up_s_m": _pick(level, (0.01, 0.02, 0.04), rng)
-    },
-    "rotor_interference": lambda craft, level, rng: {
-        "interference": _pick(level, (0.04, 0.08, 0.15), rng)
-    },
+    "magnetic_patch": _at_a_place("magnet_N"),
+    "wall_suction": _of_weight("wall_N", (0.03, 0.06, 0.12)),
+    "updraft_column": _at_a_place("updraft_N"),
+    "loose_hatch": _of_weight("hatch_N", (0.05, 0.1, 0.2)),
+    "vortex_ring_buffet": _number("buffet", (0.08, 0.16, 0.3)),
+    "flapping_moment": _number("pitch_up_s_m", (0.01, 0.02, 0.04)),
+    "rotor_interference": _number("interference", (0.04, 0.08, 0.15)),
 }
 # library effects that are the same physics in another form: right answers, too
 RELATED = {"wall_suction": ("wall_effect",)}

@@ -384,10 +384,8 @@ class Simulation:
         book = {k: np.empty((n, w or self.b.n_rotors, flights)) for k, w in CHANNELS.items()}
         reference = np.stack([_stay(s.plan.reference, n) for s in self.sorties], axis=-1)
         # a flight that is over waits for the others: position and yaw stay, rates are zero
-        reference[3:9], reference[10] = (
-            self._while_planned(reference[3:9]),
-            self._while_planned(reference[10:])[0],
-        )
+        reference[3:9] = self._while_planned(reference[3:9])
+        reference[10] = self._while_planned(reference[10:])[0]
         excite = self._while_planned(
             np.stack([_stay(s.plan.excite, n) for s in self.sorties], axis=-1)
         )

@@ -13,6 +13,7 @@ from ges.blind.generator.ground import height_at
 from ges.blind.generator.plan import CONTROL_DT_S
 from ges.blind.noise import Noise, coloured
 from ges.conventions import (
+    AXES,
     BODY_RATE,
     POSITION,
     POSITION_REF,
@@ -191,10 +192,8 @@ class Recorder:
         if self.log.rotor_speeds:
             w = self._at("rotor_speed") * (1.0 + self._noise((rotors, n), ORDINARY.speed_share))
             named |= dict(zip(rotor_speed(rotors), _quantise(w, 0.5), strict=True))
-        full, amps = (
-            self.sortie.craft.battery_V,
-            REFERENCE_CURRENT_A_PER_KG * self.sortie.craft.true["mass"],
-        )
+        full = self.sortie.craft.battery_V
+        amps = REFERENCE_CURRENT_A_PER_KG * self.sortie.craft.true["mass"]
         current = np.maximum(self._at("current"), 0.0) * amps
         if self.log.battery:
             volt = full * self._at("battery")[0] + self._noise(n, 0.002 * full)
@@ -261,12 +260,8 @@ _SENSOR_NUMBERS = (
     "time_offset_s",
     "att_bias_x_rad",
     "att_bias_y_rad",
-    "acc_bias_x_m_s2",
-    "acc_bias_y_m_s2",
-    "acc_bias_z_m_s2",
-    "gyro_bias_x_rad_s",
-    "gyro_bias_y_rad_s",
-    "gyro_bias_z_rad_s",
+    *(f"acc_bias_{a}_m_s2" for a in AXES),
+    *(f"gyro_bias_{a}_rad_s" for a in AXES),
 )
 
 

@@ -134,7 +134,7 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     # maximum a posteriori with unit noise and the prior N(0, sd^2): (X' X + S^-2) b = X' y
     x = rows[0].nuisance
     beta = np.linalg.solve(x.T @ x + np.diag(1.0 / sd**2), x.T @ rows[0].raw)
-    train_rows, held_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
+    train_rows, held_out_rows = (dataclasses.replace(r, y=r.raw - r.nuisance @ beta) for r in rows)
     columns = np.array(first.columns, dtype=object)
     names = tuple(recordings.flights[i].name for i in held_out)
     return BaselineProblem(
@@ -143,7 +143,7 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
         tuple(columns[~free]),
         tuple(columns[free]),
         train_rows,
-        held_rows,
+        held_out_rows,
         names,
     )
 
@@ -311,10 +311,7 @@ def boosting(problem: BaselineProblem) -> FittedMethod:
 
 
 METHODS: dict[str, Callable[[BaselineProblem], FittedMethod]] = {
-    "stepwise": stepwise,
-    "sindy": sindy,
-    "parameters": parameters,
-    "boosting": boosting,
+    method.__name__: method for method in (stepwise, sindy, parameters, boosting)
 }
 
 

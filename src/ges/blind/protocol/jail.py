@@ -126,10 +126,8 @@ def lock_in(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
         When the kernel refuses a rule.
     """
     listed = Path(__file__).resolve().parents[2]
-    readable, writable = (
-        [Path(p).resolve() for p in readable],
-        [Path(p).resolve() for p in writable],
-    )
+    readable = [Path(p).resolve() for p in readable]
+    writable = [Path(p).resolve() for p in writable]
     kernel = _landlock(readable, writable, listed)
     _hook([str(p) for p in (*readable, *writable)], str(listed))
     return kernel

@@ -26,8 +26,8 @@ from ges.blind.score.statistics import (
     reliability_table,
     score_row,
 )
-from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
-from ges.files import write_json
+from ges.blind.score.verdicts import check_batches, read_verdict
+from ges.files import write_csv, write_json
 from ges.study.figures import style
 
 OUTCOMES = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
@@ -347,22 +347,11 @@ def power_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     for low, high in zip(EDGES_NATS[:-1], EDGES_NATS[1:], strict=True):
         part = values[(values[:, 0] >= low) & (values[:, 0] < high)]
         if len(part):
-            share, least, most = proportion(part[:, 1].astype(bool).tolist())
+            named = proportion(part[:, 1].astype(bool).tolist())
             best = float(power(part[:, 0], FALSE_ALARM_RATE).mean())
             # geometric mean, as nats are drawn on a logarithmic axis; the floor is for 0
             middle = float(np.exp(np.log(np.maximum(part[:, 0], 0.1)).mean()))
-            bins.append(
-                {
-                    "from_nats": low,
-                    "to_nats": high,
-                    "middle_nats": middle,
-                    "names": len(part),
-                    "named": share,
-                    "low": least,
-                    "high": most,
-                    "best_method": best,
-                }
-            )
+            bins.append((low, high, middle, len(part), *named, best))
     columns = ["from_nats", "to_nats", "middle_nats", "names", "named", "low", "high"]
     return pd.DataFrame(bins, columns=[*columns, "best_method"])
 
@@ -442,7 +431,7 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
         "reliability": reliability_table([s for a in tool for s in a.stated]),
     }
     for name, frame in tables.items():
-        write_csv(out / f"{name}.csv", frame)
+        write_csv(out / f"{name}.csv", frame, digits=6)
     rows = [
         score_row(name, values, AIMS.get(name)) | {"method": m}
         for m, outcomes in by_method.items()
@@ -450,9 +439,9 @@ def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any
     ]
     modelled = modelled_of_sets(folder, truths, diagnoses)
     laws = laws_of_sets(folder, truths, diagnoses)
-    write_csv(out / "modelled.csv", pd.DataFrame(modelled))
+    write_csv(out / "modelled.csv", pd.DataFrame(modelled), digits=6)
     if laws:
-        write_csv(out / "laws.csv", pd.DataFrame(laws))
+        write_csv(out / "laws.csv", pd.DataFrame(laws), digits=6)
     rows += [
         score_row(name, values, AIMS.get(name)) | {"method": "ges"}
         for name, values in (modelled_scores(modelled) | law_scores(laws)).items()

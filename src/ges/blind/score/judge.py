@@ -170,10 +170,8 @@ def _located(truth: Mapping, diagnosis: Mapping) -> tuple[int, int, int]:
     is not scored.
     """
     # a trace is a channel that an effect reaches, too weakly for it to be demanded
-    must, may = (
-        set(truth.get("located", ())),
-        set(truth.get("located", ())) | set(truth.get("traces", ())),
-    )
+    must = set(truth.get("located", ()))
+    may = must | set(truth.get("traces", ()))
     if not may and category_of(truth) != "null":
         return (0, 0, 0)
     got = {_channel(entry["channel"]) for entry in diagnosis.get("located", [])}

@@ -59,9 +59,9 @@ def open_case(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:
     kept, made_of = folder / KEPT / f"{case}.json", _made_of(folder)
     stored = read_kept(kept, dict)
     if stored.get("made_of") == made_of:
-        return Opened(
-            _oracle(stored["parameters"], stored["reach"]), stored["told"], stored["over_limit"]
-        )
+        reach = np.nan if stored["reach"] is None else stored["reach"]
+        best = Oracle(stored["parameters"], reach)
+        return Opened(best, stored["told"], stored["over_limit"])
     opened = _work_out(folder, case, truth, seen)
     # JSON has no NaN
     reach = opened.best.reach if np.isfinite(opened.best.reach) else None
@@ -85,10 +85,6 @@ def _made_of(folder: Path) -> str:
         sha256(folder / "sealed" / seal.SUMS),
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def _oracle(parameters: dict[str, dict[str, float]], reach: float | None) -> Oracle:
-    return Oracle(parameters, np.nan if reach is None else reach)
 
 
 def _work_out(folder: Path, case: str, truth: Mapping, seen: Witness) -> Opened:

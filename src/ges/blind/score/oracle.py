@@ -353,10 +353,8 @@ def nominal_values(truth: Mapping, vehicle: Vehicle) -> dict[str, dict[str, floa
     GesError
         When the file has no torque coefficient.
     """
-    true, concealed = (
-        truth["true_values"],
-        {k: v for one in truth["concealed"].values() for k, v in one.items()},
-    )
+    true = truth["true_values"]
+    concealed = {k: v for one in truth["concealed"].values() for k, v in one.items()}
     # flights show thrust over mass alone: one scale holds the errors of both
     lift = (
         true["thrust"]

@@ -24,8 +24,8 @@ from ges.blind.score.statistics import (
     reliability_table,
     score_row,
 )
-from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
-from ges.files import write_json
+from ges.blind.score.verdicts import check_batches, read_verdict
+from ges.files import write_csv, write_json
 
 LIMIT_S = 10.0
 PROCESSES = 2
@@ -90,7 +90,7 @@ def score_cases(folder: Path, out: Path | None = None, diagnosed: str = OUT) -> 
         "rotors": by_rotors(outcomes),
     }
     for name, frame in tables.items():
-        write_csv(out / f"{name}.csv", frame)
+        write_csv(out / f"{name}.csv", frame, digits=6)
     report = {
         "schema": 1,
         "cases": len(names),
@@ -167,17 +167,14 @@ def compare_methods(sums: Path, verdicts: list[Path], methods: list[str], table:
     every = _against_oracle(folder, truths, diagnoses)
     for method in methods:
         diagnosed = method_folder(method)
-        judged, compared = (
-            [judge(n, truths[n], diagnoses[diagnosed][n]) for n in names],
-            every[diagnosed],
-        )
+        judged = [judge(n, truths[n], diagnoses[diagnosed][n]) for n in names]
+        compared = every[diagnosed]
         cases = _case_table(folder, diagnosed, judged, truths, compared)
-        columns[method] = _summary(
-            judged, cases, {n: c for n, c in compared.items() if c}
-        ).set_index("score")[["value", "low", "high"]]
+        scores = _summary(judged, cases, {n: c for n, c in compared.items() if c})
+        columns[method] = scores.set_index("score")[["value", "low", "high"]]
     side_by_side = pd.concat(columns, axis=1)
     side_by_side.columns = [f"{method}_{part}" for method, part in side_by_side.columns]
-    write_csv(table, side_by_side.reset_index())
+    write_csv(table, side_by_side.reset_index(), digits=6)
 
 
 def _case_table(
@@ -362,20 +359,10 @@ def _by_effect(judged: Sequence[Judgement]) -> pd.DataFrame:
             for severity in ("weak", "medium", "strong"):
                 here = [j for j in of if j.truth and j.truth[-1] == name and j.severity == severity]
                 if here:
-                    value, low, high = proportion([j.exact for j in here])
-                    rows.append(
-                        {
-                            "category": category,
-                            "effect": name,
-                            "severity": severity,
-                            "n": len(here),
-                            "exact": value,
-                            "low": low,
-                            "high": high,
-                            "nothing": np.mean([j.outcome == "nothing" for j in here]),
-                            "wrong": np.mean([bool(j.wrong) for j in here]),
-                        }
-                    )
+                    exact = proportion([j.exact for j in here])
+                    nothing = np.mean([j.outcome == "nothing" for j in here])
+                    wrong = np.mean([bool(j.wrong) for j in here])
+                    rows.append((category, name, severity, len(here), *exact, nothing, wrong))
     return pd.DataFrame(
         rows,
         columns=["category", "effect", "severity", "n", "exact", "low", "high", "nothing", "wrong"],

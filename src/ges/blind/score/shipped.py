@@ -11,7 +11,8 @@ import pandas as pd
 from ges.blind.protocol import seal
 from ges.blind.protocol.run import OUT
 from ges.blind.score.by_world import outcome_of
-from ges.blind.score.verdicts import check_batches, read_verdict, write_csv
+from ges.blind.score.verdicts import check_batches, read_verdict
+from ges.files import write_csv
 
 
 def score_changes(sums: Path, verdicts: Sequence[Path], changes: Path, errors: Path) -> None:
@@ -36,8 +37,8 @@ def score_changes(sums: Path, verdicts: Sequence[Path], changes: Path, errors: P
     pairs = [(n, seal.truth(folder, n), read_verdict(folder / OUT / n)) for n in seal.cases(folder)]
     # nothing before something, then as the flights are listed
     pairs.sort(key=lambda pair: (bool(pair[1]["findings"]), pair[1]["situation"]["design"]))
-    write_csv(changes, pd.DataFrame([_change(*pair) for pair in pairs]))
-    write_csv(errors, pd.DataFrame([row for _, *pair in pairs for row in _errors(*pair)]))
+    write_csv(changes, pd.DataFrame([_change(*pair) for pair in pairs]), digits=6)
+    write_csv(errors, pd.DataFrame([row for _, *pair in pairs for row in _errors(*pair)]), digits=6)
 
 
 def _change(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> dict[str, Any]:

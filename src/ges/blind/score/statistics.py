@@ -86,17 +86,8 @@ def reliability_table(stated: Sequence[tuple[float, bool]], bins: int = 10) -> p
     rows = []
     for b in np.unique(place):
         part = values[place == b]
-        share, low, high = proportion(part[:, 1].astype(bool))
-        rows.append(
-            {
-                "bin": b / bins,
-                "n": len(part),
-                "stated": part[:, 0].mean(),
-                "true": share,
-                "low": low,
-                "high": high,
-            }
-        )
+        came_true = proportion(part[:, 1].astype(bool))
+        rows.append((b / bins, len(part), part[:, 0].mean(), *came_true))
     return pd.DataFrame(rows, columns=["bin", "n", "stated", "true", "low", "high"])
 
 

@@ -1,4 +1,4 @@
-"""Verdicts as they are read, tables as they are written."""
+"""Verdicts as they are read."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import pandas as pd
-
 from ges.errors import GesError
-from ges.files import replacing, sha256
+from ges.files import sha256
 
 
 def read_verdict(folder: Path) -> dict:
@@ -34,12 +32,6 @@ def read_verdict(folder: Path) -> dict:
     except ValueError as error:
         raise GesError(f"{path} is not a diagnosis: {error}") from None
     return content
-
-
-def write_csv(path: Path, frame: pd.DataFrame) -> None:
-    """Write a table, whole or not at all, to six significant digits."""
-    with replacing(path) as new:
-        frame.to_csv(new, index=False, float_format="%.6g")
 
 
 def check_batches(folder: Path, diagnosed: str, verdicts: Sequence[Path]) -> None:

@@ -28,7 +28,7 @@ NEUTRAL: dict[str, float] = {
     "wind_m_s": 0.0,
     "wind_rad": 0.0,
     "gust_m_s": 0.0,
-    "cushion": 0.0,
+    "blocked": 0.0,
     "sweep": 0.0,
     "wake_delay": 0.0,
     "levelling": 0.0,
@@ -137,7 +137,7 @@ class SecondSimulation:
                 tables[key] = rotor.table_of(*key)
         self.thrust_table = np.stack([tables[k].thrust for k in keys])
         self.inplane_table = np.stack([tables[k].inplane for k in keys])
-        self.cushion_table = np.stack([tables[k].cushion for k in keys])
+        self.near_ground_table = np.stack([tables[k].near_ground for k in keys])
 
     def _names(self) -> None:
         having: dict[str, list[int]] = {}
@@ -146,7 +146,7 @@ class SecondSimulation:
                 having.setdefault(name, []).append(f)
         self.having = {name: np.array(f) for name, f in having.items()}
         self.blown = np.flatnonzero((self.hid["wind_m_s"] > 0.0) | (self.hid["gust_m_s"] > 0.0))
-        self.near = np.flatnonzero((self.hid["cushion"] > 0.0) | (self.hid["fountain"] > 0.0))
+        self.near = np.flatnonzero((self.hid["blocked"] > 0.0) | (self.hid["fountain"] > 0.0))
 
     def _start(self) -> None:
         count = len(self.sorties)
@@ -383,7 +383,7 @@ class SecondSimulation:
         near, swept = np.zeros_like(edge), np.zeros_like(edge)
         for dx, dy in ground.DISC_POINTS:
             height = hub + radius * (self.turn[2, 0] * dx + self.turn[2, 1] * dy)
-            way, cosine = ground.along_wake(height, edge, self.induced, hid["sweep"])
+            way, cosine = ground.wake_path(height, edge, self.induced, hid["sweep"])
             near = near + ground.blocked_share(height / radius) / len(ground.DISC_POINTS)
             part = ground.blocked_share(way / radius) * cosine
             swept = swept + part / len(ground.DISC_POINTS)
@@ -399,7 +399,7 @@ class SecondSimulation:
         late = np.where(hid["wake_delay"] > 0.0, late, swept)
         # near, then swept by the motion, then late: each name has what it adds to the one before
         gains = [
-            rotor.cushion_of(self.cushion_table, 1.0 - hid["cushion"] * c) - 1.0
+            rotor.near_ground_thrust(self.near_ground_table, 1.0 - hid["blocked"] * c) - 1.0
             for c in (near, swept, late)
         ]
         lift = hid["fountain"] * ground.fountain_share(self.p[2], self.spacing)

@@ -49,7 +49,7 @@ def blocked_share(height_over_radius: np.ndarray) -> np.ndarray:
     return np.interp(np.log(height), np.log(_HEIGHTS), _BLOCKED)
 
 
-def along_wake(
+def wake_path(
     height: np.ndarray, edge: np.ndarray, induced: np.ndarray, sweep: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the way of a skewed wake to the ground.

@@ -42,13 +42,13 @@ class RotorTable:
     ----------
     thrust : thrust over that of hover at (:data:`EDGES`, :data:`CLIMBS`), speeds over tip speed.
     inplane : in-plane force coefficient at the same.
-    cushion : thrust over that of hover at :data:`SHARES`, the share of inflow that the ground
+    near_ground : thrust over that of hover at :data:`SHARES`, the share of inflow that the ground
         leaves.
     """
 
     thrust: np.ndarray
     inplane: np.ndarray
-    cushion: np.ndarray
+    near_ground: np.ndarray
 
 
 def _section() -> tuple[np.ndarray, np.ndarray, float]:
@@ -142,8 +142,8 @@ def table_of(s: float, thrust: float) -> RotorTable:
     # one call for all points of the table, which the iteration takes abreast
     mu, climb = (grid.ravel() for grid in np.meshgrid(EDGES, CLIMBS, indexing="ij"))
     lift, inplane = (v.reshape(len(EDGES), -1) for v in coefficients(s, theta, mu, climb))
-    cushion = coefficients(s, theta, 0.0, 0.0, SHARES)[0]
-    return RotorTable(lift / hover, inplane, cushion / hover)
+    near_ground = coefficients(s, theta, 0.0, 0.0, SHARES)[0]
+    return RotorTable(lift / hover, inplane, near_ground / hover)
 
 
 def look_up(table: np.ndarray, mu: np.ndarray, climb: np.ndarray) -> np.ndarray:
@@ -167,7 +167,7 @@ def look_up(table: np.ndarray, mu: np.ndarray, climb: np.ndarray) -> np.ndarray:
     return low * (1.0 - a) + high * a
 
 
-def cushion_of(table: np.ndarray, share: np.ndarray) -> np.ndarray:
+def near_ground_thrust(table: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Interpolate the thrust over that of hover near the ground.
 
     Parameters

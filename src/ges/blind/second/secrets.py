@@ -78,7 +78,7 @@ class Craft:
         pitch = rotor.pitch_of(s, self.thrust_coefficient)
         return 4.0 * self.disc * tip**2 * float(rotor.coefficients(s, pitch, 1.0 / tip, 0.0)[1][0])
 
-    def cushion_for(self, gain: float, s: float) -> float:
+    def blocked_for(self, gain: float, s: float) -> float:
         """Return the blocked share, over theory's, of a ground-effect thrust gain.
 
         Parameters
@@ -86,7 +86,7 @@ class Craft:
         gain : share of thrust that a rotor gains one radius above the ground.
         s : solidity times lift slope.
         """
-        table = rotor.table_of(s, self.thrust_coefficient).cushion
+        table = rotor.table_of(s, self.thrust_coefficient).near_ground
         # thrust falls as more of the inflow is left; interpolation wants it to rise
         share = float(np.interp(-(1.0 + gain), -table, rotor.SHARES))
         return (1.0 - share) / float(ground.blocked_share(np.array(1.0)))
@@ -123,9 +123,9 @@ def _gusts(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     return _drag(craft, 1, rng) | {"gust_m_s": _near(level, (0.4, 0.8, 1.5), rng)}
 
 
-def _cushion(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
+def _ground_effect(craft: Craft, level: int, rng: np.random.Generator) -> Numbers:
     gain = _near(level, (0.05, 0.1, 0.2), rng)
-    return {"blade_s": 0.9, "cushion": craft.cushion_for(gain, 0.9)}
+    return {"blade_s": 0.9, "blocked": craft.blocked_for(gain, 0.9)}
 
 
 def _of_companion(level: int) -> int:
@@ -164,15 +164,15 @@ SECRETS: dict[str, Callable[[Craft, int, np.random.Generator], Numbers]] = {
     },
     "wind": _wind,
     "gusts": _gusts,
-    "ground_effect": _cushion,
+    "ground_effect": _ground_effect,
     "ground_effect_forward_flight": lambda c, k, rng: (
-        _cushion(c, _of_companion(k), rng) | {"sweep": _near(k, (1.5, 3.0, 5.0), rng)}
+        _ground_effect(c, _of_companion(k), rng) | {"sweep": _near(k, (1.5, 3.0, 5.0), rng)}
     ),
     "ground_effect_lag": lambda c, k, rng: (
-        _cushion(c, _of_companion(k), rng) | {"wake_delay": _near(k, (2.0, 5.0, 9.0), rng)}
+        _ground_effect(c, _of_companion(k), rng) | {"wake_delay": _near(k, (2.0, 5.0, 9.0), rng)}
     ),
     "ground_effect_moment": lambda c, k, rng: (
-        _cushion(c, _of_companion(k), rng) | {"levelling": _near(k, (0.15, 0.35, 0.7), rng)}
+        _ground_effect(c, _of_companion(k), rng) | {"levelling": _near(k, (0.15, 0.35, 0.7), rng)}
     ),
     "fountain_lift": lambda c, k, rng: {"fountain": _near(k, (0.03, 0.06, 0.11), rng)},
     "battery_sag": lambda c, k, rng: {"sags": _near(k, (0.35, 0.65, 1.0), rng)},

@@ -35,7 +35,7 @@ from ges.simulator import effects as effect_table
 
 HANGING = ("tether", "slung_load")
 """What the vehicle may have hanging."""
-GUSTS, WIND, AXES = "gusts", "wind", ("east_m_s", "north_m_s")
+GUSTS, AXES = "gusts", ("east_m_s", "north_m_s")
 STRENGTH = "wind_20ft_m_s"
 WIND_M_S = ("wind_x_m_s", "wind_y_m_s")
 PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})

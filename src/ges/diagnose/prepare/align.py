@@ -17,8 +17,10 @@ from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 
 from ges.conventions import (
     BODY_RATE,
+    EXCITATION,
     POSITION,
     QUATERNION,
+    REFERENCE,
     SPECIFIC_FORCE,
     VELOCITY,
     command,
@@ -38,16 +40,8 @@ _STREAMS: Mapping[str, tuple[str, ...]] = {
     "battery": ("battery_V",),
     "range": ("range_m",),
     "ground": ("ground_z_m",),
-    "reference": (
-        "p_ref_x_m",
-        "p_ref_y_m",
-        "p_ref_z_m",
-        "v_ref_x_m_s",
-        "v_ref_y_m_s",
-        "v_ref_z_m_s",
-        "yaw_ref_rad",
-    ),
-    "excitation": ("excite_x_rad_s2", "excite_y_rad_s2", "excite_z_rad_s2", "excite_up_m_s2"),
+    "reference": REFERENCE,
+    "excitation": EXCITATION,
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ges.conventions import rotor_columns
+from ges.conventions import SPECIFIC_FORCE, rotor_columns
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.types.model import Model, block_of
 
@@ -57,7 +57,7 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
     if driven:
         names += [
             name
-            for name, column in zip(ACC, ("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2"), strict=True)
+            for name, column in zip(ACC, SPECIFIC_FORCE, strict=True)
             if column in flight.columns
         ]
     if driven and (flight.has("gyro") or attitude) and "moments_of_inertia" in model.stated_parts:

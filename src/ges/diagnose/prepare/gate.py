@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter
 
-from ges.conventions import BODY_RATE, GRAVITY_M_S2, MAD_TO_SD, SPECIFIC_FORCE
+from ges.conventions import BODY_RATE, GRAVITY_M_S2, MAD_TO_SD, QUATERNION, SPECIFIC_FORCE
 from ges.diagnose.prepare.align import (
     Prepared,
     airborne,
@@ -256,7 +256,7 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     c, s = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
     w, x, y, _ = tilt.T
     q = np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
-    columns = {**flight.columns, **dict(zip(("q_w", "q_x", "q_y", "q_z"), q.T, strict=True))}
+    columns = {**flight.columns, **dict(zip(QUATERNION, q.T, strict=True))}
     return flight.replace(
         columns=columns,
         derived=frozenset({"attitude"}),

@@ -54,7 +54,8 @@ def compare(
     >>> [(row["name"], row["state"]) for row in table["findings"]]
     [('rotor drag', 'both'), ('ground effect', 'first only')]
     """
-    both = (first, second)
+    both, ahead_s = (first, second), first["fit"]["rollout"].get("horizon_s", 1.0)
+    ahead = f", {number_words(ahead_s, 2)} s ahead"
     return {
         "names": list(names),
         "remarks": list(_remarks(first, second)),
@@ -71,13 +72,9 @@ def compare(
         ],
         "findings": [*_findings(first, second), *_laws(first, second)],
         "numbers": list(_numbers(first["calibration"], second["calibration"])),
-        "errors": [*_errors(_channels(first), _channels(second), "")]
-        + [
-            *_errors(
-                _rollout_channels(first),
-                _rollout_channels(second),
-                f", {number_words(first['fit']['rollout'].get('horizon_s', 1.0), 2)} s ahead",
-            )
+        "errors": [
+            *_errors(first["fit"]["channels"], second["fit"]["channels"], ""),
+            *_errors(_rollout_channels(first), _rollout_channels(second), ahead),
         ],
     }
 
@@ -171,24 +168,24 @@ def _parameter(name: str, pair: Sequence[Mapping[str, Any] | None]) -> dict[str,
         "name": name,
         # "1" is the descriptors' word for no unit
         "unit": "" if unit == "1" else unit,
-        "each": [_value(v) for v in values],
-        "overlap": _overlap(*(v["ci95"] if v else None for v in values)),
+        **_values(values),
     }
 
 
-def _value(v: Mapping[str, Any] | None) -> str:
-    if v is None:
-        return ""
-    low, high = v["ci95"]
-    return f"{number_words(v['value'])} ({number_words(low)} to {number_words(high)})"
-
-
-def _overlap(a: Sequence[float | None] | None, b: Sequence[float | None] | None) -> str:
-    """Return whether two intervals overlap, in words; '' where one is missing."""
-    (a_low, a_high), (b_low, b_high) = a or (None, None), b or (None, None)
-    if a_low is None or a_high is None or b_low is None or b_high is None:
-        return ""
-    return "overlap" if max(a_low, b_low) <= min(a_high, b_high) else "apart"
+def _values(values: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
+    """Return both values with intervals, in words, and whether the intervals overlap."""
+    ends: list[Any] = [v["ci95"] if v else (None, None) for v in values]
+    (a_low, a_high), (b_low, b_high) = ends
+    known = None not in (a_low, a_high, b_low, b_high)
+    return {
+        "each": [
+            f"{number_words(v['value'])} ({' to '.join(map(number_words, v['ci95']))})" if v else ""
+            for v in values
+        ],
+        "overlap": (
+            ("overlap" if max(a_low, b_low) <= min(a_high, b_high) else "apart") if known else ""
+        ),
+    }
 
 
 def _numbers(
@@ -196,17 +193,11 @@ def _numbers(
 ) -> Iterator[dict[str, Any]]:
     """Return one row for each nominal parameter that either diagnosis corrected."""
     for key in dict.fromkeys([*first, *second]):
-        pair = [c.get(key) for c in (first, second)]
         yield {
             "name": key_words(key),
             "unit": unit_words(ParameterKey.of(key).parameter),
-            "each": [_value(v) for v in pair],
-            "overlap": _overlap(*(v["ci95"] if v else None for v in pair)),
+            **_values([c.get(key) for c in (first, second)]),
         }
-
-
-def _channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
-    return content["fit"]["channels"]
 
 
 def _rollout_channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
@@ -251,15 +242,13 @@ def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
         for f in c["findings"]:
             table.add_row(f["name"], f["state"], *f["each"], "")
             for p in f["parameters"]:
-                unit = f", {p['unit']}" if p["unit"] else ""
-                table.add_row(f"  {p['name']}{unit}", "", *p["each"], p["overlap"])
+                table.add_row(f"  {_with_unit(p)}", "", *p["each"], p["overlap"])
         yield table
     if c["numbers"]:
         yield Text("\ncorrections of nominal parameters", style="bold")
         table = table_of("number", one, two, "intervals")
         for n in c["numbers"]:
-            unit = f", {n['unit']}" if n["unit"] else ""
-            table.add_row(f"{n['name']}{unit}", *n["each"], n["overlap"])
+            table.add_row(_with_unit(n), *n["each"], n["overlap"])
         yield table
     if c["errors"]:
         yield Text(
@@ -267,9 +256,12 @@ def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
         )
         table = table_of("channel", one, two, "change", numbers=("change",))
         for e in c["errors"]:
-            unit = f", {e['unit']}" if e["unit"] else ""
-            table.add_row(f"{e['name']}{unit}", *e["each"], e["change"])
+            table.add_row(_with_unit(e), *e["each"], e["change"])
         yield table
+
+
+def _with_unit(row: Mapping[str, Any]) -> str:
+    return row["name"] + (f", {row['unit']}" if row["unit"] else "")
 
 
 def as_html(comparison: Mapping[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
@@ -79,15 +80,7 @@ def data_used(
         "left_out": {r: float(sum(f.left_out.get(r, 0.0) for f in flights)) for r in reasons},
         "channels_used": list(system.main),
         "channels_off": off,
-        "delays": [
-            {
-                "stream": d.stream,
-                "delay_s": d.delay_s,
-                "sd_s": d.sd_s,
-                "correlation": d.correlation,
-            }
-            for d in gate.delays
-        ],
+        "delays": list(map(dataclasses.asdict, gate.delays)),
         "instruments": instrument_strengths(by_flight, system.main),
         "window_s": system.length_s,
         "reference_scale": {

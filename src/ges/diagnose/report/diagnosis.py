@@ -146,26 +146,11 @@ class Diagnosis:
         A mapping of plain JSON values: six significant digits, None for a number that is not
         finite.
         """
-        return json_values(
-            {
-                "schema": 1,
-                "verdict": self.verdict,
-                "sentence": self.sentence,
-                "remark": self.remark,
-                "origin": dict(self.origin),
-                "findings": [f.content() for f in self.findings],
-                "located": [dict(item) for item in self.located],
-                "laws": [dict(item) for item in self.laws],
-                "unexplained": [dict(item) for item in self.unexplained],
-                "fit": dict(self.fit),
-                "detectable": dict(self.detectable),
-                "next_flight": dict(self.next_flight),
-                "data": dict(self.data),
-                "calibration": dict(self.calibration),
-                "not_tested": dict(self.not_tested),
-                "considered": [c.content() for c in self.considered],
-            }
-        )
+        written = (f.name for f in dataclasses.fields(self))
+        content = {n: getattr(self, n) for n in written if n not in ("vehicle", "workings")}
+        content["findings"] = [f.content() for f in self.findings]
+        content["considered"] = [c.content() for c in self.considered]
+        return json_values({"schema": 1, **content})
 
 
 def _numbers(parameters: Mapping[str, FittedParameter]) -> str:

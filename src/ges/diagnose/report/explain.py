@@ -50,8 +50,13 @@ def decisions_about(content: Mapping[str, Any], name: str) -> RenderableType:
     name = name.strip().replace(" ", "_").replace("-", "_")
     if name not in effect_table.table():
         raise unknown_name("effect", name, effect_table.table())
-    parts = [*_title(name), *_as_named(content, name), *_as_considered(content, name)]
-    parts += _limits(content, name)
+    effect = effect_table.get(name)
+    parts: list[RenderableType] = [
+        Text.assemble((plain(name), "bold"), f": {effect.title}\n{effect.equation}"),
+        *_as_named(content, name),
+        *_as_considered(content, name),
+        *_limits(content, name),
+    ]
     if len(parts) == 1:
         raise GesError(
             f"this diagnosis keeps no record of {name}; it may be older than this version: diagnose"
@@ -115,11 +120,6 @@ def _number(value: float | None) -> str:
 def _effect(entry: Mapping[str, Any]) -> str:
     place = entry.get("place")
     return plain(entry["name"]) + (f", {place}" if place else "")
-
-
-def _title(name: str) -> Iterator[RenderableType]:
-    effect = effect_table.get(name)
-    yield Text.assemble((plain(name), "bold"), f": {effect.title}\n{effect.equation}")
 
 
 def _as_named(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +54,7 @@ def map_figure(cells: Sequence[Cell]) -> list[Figure]:
     One figure; none where it would show nothing but noise.
     """
     news = any(c.q_value <= settings.statistics.chance for c in cells)
-    return [("where", "location_map", ([cell_content(c) for c in cells],))] if news else []
+    return [("where", "location_map", (list(map(dataclasses.asdict, cells)),))] if news else []
 
 
 def figures_of(diagnosis: Diagnosis, traces: Sequence[Trace]) -> Iterator[Figure]:
@@ -88,24 +89,6 @@ def held_out(diagnosis: Diagnosis) -> Mapping[str, Mapping[str, Any]]:
     channels = json_values(diagnosis.fit["channels"])
     # bars are errors over that of the file as given: without a flight held out there is none
     return channels if any(c["before"] for c in channels.values()) else {}
-
-
-def cell_content(cell: Cell) -> dict[str, Any]:
-    """Return a cell of the map as :func:`ges.diagnose.report.pictures.location_map` takes it.
-
-    Parameters
-    ----------
-    cell : of the recalibrated stage.
-    """
-    return {
-        "channel": cell.channel,
-        "regime": cell.regime,
-        "low": cell.low,
-        "high": cell.high,
-        "mean": cell.mean,
-        "sd": cell.sd,
-        "q_value": cell.q_value,
-    }
 
 
 def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:

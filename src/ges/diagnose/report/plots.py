@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -59,7 +60,7 @@ class Plots:
         regime : ``height_over_radius`` or another that was flown; the first by default.
         ax : to draw on; those of a new figure by default.
         """
-        cells = [figures.cell_content(c) for c in self._diagnosis.workings.cells]
+        cells = list(map(dataclasses.asdict, self._diagnosis.workings.cells))
         chosen = _chosen("regime", regime, [c["regime"] for c in cells])
         with _axes(ax) as axes:
             channels = pictures.clearest_channels(cells)

@@ -25,16 +25,6 @@ class Decision:
     statistic: float | None = None
     threshold: float | None = None
 
-    def content(self) -> dict[str, Any]:
-        """Return the decision as JSON, an entry of ``considered[].decisions`` of diagnosis.json."""
-        return {
-            "rule": self.rule,
-            "passed": self.passed,
-            "statistic": self.statistic,
-            "threshold": self.threshold,
-            "because": self.because,
-        }
-
 
 @dataclasses.dataclass(frozen=True)
 class Considered:
@@ -55,12 +45,7 @@ class Considered:
 
     def content(self) -> dict[str, Any]:
         """Return the candidate as an entry of ``considered`` of diagnosis.json."""
-        return {
-            "name": self.name,
-            "place": self.place,
-            "probability": self.probability,
-            "decisions": [d.content() for d in self.decisions],
-        }
+        return dataclasses.asdict(self)
 
 
 class DecisionLog:

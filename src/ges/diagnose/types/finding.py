@@ -132,19 +132,10 @@ class Finding:
         -------
         The attributes by name, ``is_open`` as ``open``.
         """
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "title": self.title,
-            "probability": self.probability,
-            "equation": self.equation,
-            "parameters": {name: e.content() for name, e in self.parameters.items()},
-            "size": dict(self.size),
-            "alternatives": [dict(a) for a in self.alternatives],
-            "open": self.is_open,
-            "place": self.place,
-            "rival_law": dict(self.rival_law),
-        }
+        content = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        content["open"] = content.pop("is_open")
+        content["parameters"] = {name: e.content() for name, e in self.parameters.items()}
+        return content
 
 
 def json_values(value: Any) -> Any:

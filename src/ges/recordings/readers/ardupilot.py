@@ -21,7 +21,15 @@ import numpy as np
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, SPECIFIC_FORCE, VELOCITY
 from ges.errors import GesError
 from ges.recordings.readers import frames, rotor_order
-from ges.recordings.readers.log import Log, Options, Stream, increasing, on_axis, optional_module
+from ges.recordings.readers.log import (
+    Log,
+    Options,
+    Stream,
+    from_first_sample,
+    increasing,
+    on_axis,
+    optional_module,
+)
 from ges.vehicle import layouts
 from ges.vehicle.layouts import LAYOUTS
 
@@ -487,12 +495,6 @@ class ArduPilot:
             streams |= dict(part(log))
         streams |= dict(_commands(log, options))
         streams |= dict(_rotor_speeds(log, options, streams.get("command")))
-        # streams start at times of their own: t = 0 is the first sample of any
-        start_s = min((s.t_s[0] for s in streams.values()), default=0.0)
-        moved = {
-            name: Stream(s.t_s - start_s, s.columns, s.source, s.held)
-            for name, s in streams.items()
-        }
         if bend := log.parameters.get("MOT_THST_EXPO"):
             log.notes.append(
                 f"MOT_THST_EXPO is {bend:.2g}: the autopilot bends its commands so that thrust"
@@ -503,7 +505,7 @@ class ArduPilot:
             path.stem,
             self.name,
             version or "ArduPilot",
-            moved,
+            from_first_sample(streams),
             log.parameters,
             tuple(log.notes),
             _refusal(log),

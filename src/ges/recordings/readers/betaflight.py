@@ -226,11 +226,8 @@ def _inav_motion(fields: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _yaw_note(fields: Mapping[str, np.ndarray]) -> str:
     """Say which way the motors turn, by how the mixer responds to its own yaw controller."""
-    motors, p, i = (
-        _vector(fields, "motor", 4) if _motors(fields) == 4 else None,
-        fields.get("axisP[2]"),
-        fields.get("axisI[2]"),
-    )
+    motors = _vector(fields, "motor", 4) if _motors(fields) == 4 else None
+    p, i = fields.get("axisP[2]"), fields.get("axisI[2]")
     if motors is None or p is None or i is None:
         return ""
     # what the yaw controller asks of the mixer

@@ -16,11 +16,10 @@ import pandas as pd
 from ges.conventions import (
     BODY_RATE,
     POSITION,
-    POSITION_REF,
+    REFERENCE,
     QUATERNION,
     SPECIFIC_FORCE,
     VELOCITY,
-    VELOCITY_REF,
 )
 from ges.errors import GesError, UsageError
 
@@ -36,7 +35,7 @@ COLUMNS: Mapping[str, str] = {
     "battery": "battery_V|battery_A",
     "range": "range_m",
     "ground": "ground_z_m",
-    "reference": "|".join((*POSITION_REF, *VELOCITY_REF, "yaw_ref_rad")),
+    "reference": "|".join(REFERENCE),
     "excitation": "excite_[xyz]_rad_s2|excite_up_m_s2",
 }
 """Contract columns of each stream, as a pattern; what fits none is kept in the stream ``other``."""
@@ -350,6 +349,17 @@ def named_streams(
         if np.isfinite(values).any():
             groups.setdefault(stream_of(column), {})[column] = values
     return {name: Stream(t_s, group, source) for name, group in groups.items()}
+
+
+def from_first_sample(streams: Mapping[str, Stream]) -> dict[str, Stream]:
+    """Shift the clock of streams, so that t = 0 is the first sample of any.
+
+    Parameters
+    ----------
+    streams : by name, on one clock.
+    """
+    start_s = min((s.t_s[0] for s in streams.values()), default=0.0)
+    return {n: dataclasses.replace(s, t_s=s.t_s - start_s) for n, s in streams.items()}
 
 
 def increasing(t_s: np.ndarray) -> tuple[np.ndarray, str]:

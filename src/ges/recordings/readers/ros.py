@@ -17,6 +17,7 @@ from ges.recordings.readers.log import (
     Log,
     Options,
     Stream,
+    from_first_sample,
     increasing,
     named_streams,
     optional_module,
@@ -255,12 +256,7 @@ def _mapped(bag: _Bag, mapping: TopicMap, options: Options, notes: list[str]) ->
             held = entry.held or name == "reference"
             key = name if name not in streams else f"{name} ({topic})"
             streams[key] = Stream(stream.t_s, stream.columns, topic, held)
-    if not streams:
-        return {}
-    start_s = min(s.t_s[0] for s in streams.values())
-    return {
-        name: Stream(s.t_s - start_s, s.columns, s.source, s.held) for name, s in streams.items()
-    }
+    return from_first_sample(streams)
 
 
 def _uorb(

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ges.errors import GesError
-from ges.files import replacing
+from ges.files import write_csv
 from ges.study.config import DataSeeds
 
 PARTS = ("train", "validation", "test")
@@ -80,5 +80,4 @@ def write_split(
         if kind == "seedwise"
         else _blockwise(seeds, rows, round(block_s * rate_hz), seed)
     )
-    with replacing(split) as new:
-        table.to_csv(new, index=False)
+    write_csv(split, table)

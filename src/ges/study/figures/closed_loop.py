@@ -66,9 +66,8 @@ def _modes(axes: Axes, table: pd.DataFrame, spread: bool, scale: float = 1000.0)
             i,
             scale * row.mean,
             yerr=scale * np.array(error),
-            fmt=style.MODE_MARKERS[row.condition],
-            color=style.MODE_COLOURS[row.condition],
             ms=4.5,
+            **style.MODE_DOTS[row.condition],
         )
     axes.set_xticks(
         range(len(table)), [style.MODE_LABELS[c].replace(" ", "\n") for c in table["condition"]]
@@ -94,8 +93,7 @@ def small(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     ):
         _modes(axes, table[table["metric"] == metric], spread=True, scale=scale)
         axes.set_ylabel(label)
-    style.panel(left, "a")
-    style.panel(right, "b")
+    style.panels(left, right)
     style.save(figure, table, data, pdf, png)
 
 
@@ -119,9 +117,8 @@ def modes(summary: Path, data: Path, pdf: Path, png: Path) -> None:
             i,
             1000 * row.difference,
             yerr=error,
-            fmt=style.MODE_MARKERS[row.condition],
             ms=4.5,
-            color=style.MODE_COLOURS[row.condition],
+            **style.MODE_DOTS[row.condition],
         )
     right.axhline(0, color=style.BLACK, lw=0.6)
     right.set_xticks(
@@ -130,8 +127,7 @@ def modes(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     right.set(
         ylabel="AGL RMS less analytical (mm)\npaired, 95 % interval", xlim=(-0.5, len(paired) - 0.5)
     )
-    style.panel(left, "a")
-    style.panel(right, "b")
+    style.panels(left, right)
     style.save(figure, table, data, pdf, png)
 
 
@@ -153,7 +149,7 @@ def bias(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     table = pd.read_csv(summary)
     table = table[table["metric"].isin(BIAS_METRICS)]
     figure, axes = style.subplots(1, 3, width=style.PAGE_IN, height=2.1)
-    for ax, (metric, (label, scale)), letter in zip(axes, BIAS_METRICS.items(), "abc", strict=True):
+    for ax, (metric, (label, scale)) in zip(axes, BIAS_METRICS.items(), strict=True):
         rows = (
             table[table["metric"] == metric]
             .sort_values("condition", key=lambda c: c.astype(float))
@@ -165,7 +161,7 @@ def bias(summary: Path, data: Path, pdf: Path, png: Path) -> None:
         )
         ax.axhline(0, color=style.BLACK, lw=0.6)
         ax.set(xlabel="bias of the factor", ylabel=f"change of {label}")
-        style.panel(ax, letter)
+    style.panels(*axes)
     style.save(figure, table, data, pdf, png)
 
 
@@ -206,21 +202,14 @@ def grid(summary: Path, data: Path, pdf: Path, png: Path) -> None:
     reach = max(np.abs(wide.to_numpy()).max(), 1e-9)
     figure, axes = style.subplots(height=2.0)
     image = axes.imshow(wide, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
-    for i, j in np.ndindex(wide.shape):
-        colour = "white" if abs(wide.iloc[i, j]) > 0.65 * reach else "black"
-        axes.text(
-            j,
-            i,
-            f"{wide.iloc[i, j]:+.2f}\n± {half.iloc[i, j]:.2f}",
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color=colour,
-        )
-    axes.set_xticks(range(wide.shape[1]), [f"{v:g}" for v in wide.columns])
-    axes.set_yticks(range(wide.shape[0]), [f"{v:g}" for v in wide.index])
+    style.cells(
+        axes,
+        wide,
+        lambda i, j: f"{wide.iloc[i, j]:+.2f}\n± {half.iloc[i, j]:.2f}",
+        lambda i, j: "white" if abs(wide.iloc[i, j]) > 0.65 * reach else "black",
+        7.5,
+    )
     axes.set(xlabel="curvature gain over the simulator's", ylabel="slope exponent")
-    axes.grid(False)
     figure.colorbar(image, ax=axes, label="hybrid less analytical (mm)")
     style.save(figure, table, data, pdf, png)
 
@@ -263,8 +252,7 @@ def pulse(trace: Path, tests: Path, data: Path, pdf: Path, png: Path) -> None:
         xlabel="window after the pulse (s)",
         ylabel="change of the network's error\n(thousandths), 95 % interval",
     )
-    style.panel(left, "a")
-    style.panel(right, "b")
+    style.panels(left, right)
     style.save(figure, tested, data, pdf, png)
 
 
@@ -328,10 +316,9 @@ def causes(tests: Path, data: Path, pdf: Path, png: Path) -> None:
             x,
             np.array([listed.index(c) for c in rows["cause"]]) + 0.2 * (i - 1),
             xerr=[x - 1000 * rows["low"], 1000 * rows["high"] - x],
-            fmt=style.MODE_MARKERS[name],
             ms=3.5,
-            color=style.MODE_COLOURS[name],
             label=style.MODE_LABELS[name],
+            **style.MODE_DOTS[name],
         )
     axes.axvline(0, color=style.BLACK, lw=0.6)
     axes.set_yticks(range(len(listed)), listed)
@@ -363,10 +350,9 @@ def worlds(summary: Path, data: Path, pdf: Path, png: Path) -> None:
                 place,
                 y,
                 [y - 1000 * rows["low"], 1000 * rows["high"] - y],
-                fmt=style.MODE_MARKERS[name],
                 ms=3.5,
-                color=style.MODE_COLOURS[name],
                 label=style.MODE_LABELS[name],
+                **style.MODE_DOTS[name],
             )
         ax.axhline(0, color=style.BLACK, lw=0.6)
         labels = [style.FORM_LABELS.get(f, f) for f in forms]
@@ -385,21 +371,15 @@ def _shares(axes: Axes, table: pd.DataFrame, column: str) -> AxesImage:
     """Shares of seeds (%) over height and length of the pulse."""
     wide = 100 * table.pivot(index="duration_s", columns="bias", values=column)
     image = axes.imshow(wide, cmap="cividis", vmin=0, vmax=100, aspect="auto", origin="lower")
-    for i, j in np.ndindex(wide.shape):
-        value = wide.iloc[i, j]
-        axes.text(
-            j,
-            i,
-            f"{value:.0f}",
-            ha="center",
-            va="center",
-            fontsize=6.5,
-            color="black" if value > 55 else "white",
-        )
-    axes.set_xticks(range(wide.shape[1]), [f"{v:g}" for v in wide.columns], rotation=45)
-    axes.set_yticks(range(wide.shape[0]), [f"{v:g}" for v in wide.index])
+    style.cells(
+        axes,
+        wide,
+        lambda i, j: f"{wide.iloc[i, j]:.0f}",
+        lambda i, j: "black" if wide.iloc[i, j] > 55 else "white",
+        6.5,
+        rotation=45,
+    )
     axes.set(xlabel="bias of the pulse", ylabel="length of the pulse (s)")
-    axes.grid(False)
     return image
 
 
@@ -455,13 +435,13 @@ def ablation(
     named = [dataclasses.replace(arm, name=name) for name, arm in arms.items()]
     table = means(fly_conditions(named, seeds.list(), simulator, plan), ABLATION_METRICS)
     figure, axes = style.subplots(1, 2, width=style.PAGE_IN, height=2.1, sharey=True)
-    for ax, (metric, label), letter in zip(axes, ABLATION_METRICS.items(), "ab", strict=True):
+    for ax, (metric, label) in zip(axes, ABLATION_METRICS.items(), strict=True):
         rows = table[table["metric"] == metric].reset_index(drop=True)
         low, mean, high = (1000 * rows[c] for c in ("mean_low", "mean", "mean_high"))
         ax.errorbar(mean, rows.index, xerr=[mean - low, high - mean], fmt="o", color=style.BLUE)
         ax.set_yticks(rows.index, rows["condition"])
         ax.set_xlabel(f"{label}, mean and 95 % interval")
-        style.panel(ax, letter)
+    style.panels(*axes)
     axes[0].invert_yaxis()
     style.save(figure, table, data, pdf, png)
 

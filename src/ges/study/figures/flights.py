@@ -20,7 +20,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from ges.conventions import GRAVITY_M_S2, rotor_speed
-from ges.files import replacing
+from ges.files import write_csv
 from ges.recordings import published
 from ges.recordings.readers import Options, open_log
 from ges.simulator.terrain import Terrain
@@ -60,11 +60,6 @@ FORM_COLUMNS = (
     "blocks",
     "rank",
 )
-
-
-def _write(table: pd.DataFrame, path: Path) -> None:
-    with replacing(path) as new:
-        table.to_csv(new, index=False, float_format="%.9g")
 
 
 def _samples(frame: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
@@ -145,7 +140,8 @@ def thrust_blocks(recordings: list[Path], vehicle: Path, mapping: Path, blocks: 
     """
     airframe = load_vehicle(vehicle)
     tables = [_blocks(path.stem, _samples(_read(path, mapping), airframe)) for path in recordings]
-    _write(pd.concat(tables) if tables else pd.DataFrame(columns=BLOCK_COLUMNS), blocks)
+    shown = pd.concat(tables) if tables else pd.DataFrame(columns=BLOCK_COLUMNS)
+    write_csv(blocks, shown, digits=9)
 
 
 def _effect(form: str, x: np.ndarray) -> dict[str, float]:
@@ -231,7 +227,7 @@ def fit_forms(blocks: Path, vehicle: Path, forms: Path) -> None:
     rows = [_fit(form, table, airframe) for form in FORMS] if len(table) else []
     fitted = pd.DataFrame(rows, columns=FORM_COLUMNS[:-1])
     fitted["rank"] = fitted["aicc"].rank().astype(int)
-    _write(fitted, forms)
+    write_csv(forms, fitted, digits=9)
 
 
 def _scatter(source: str, height: str, rows: pd.DataFrame) -> pd.DataFrame:
@@ -302,4 +298,4 @@ def hover_dispersion(
     tables = _simulated_scatter(simulator, plan, {"low": 0.8 * radius, "high": 12.0 * radius}, seed)
     for path in (p for p in recordings if p.stem == "HOVERING"):
         tables = _real_scatter(path, load_vehicle(vehicle), mapping) + tables
-    _write(pd.concat(tables), scatter)
+    write_csv(scatter, pd.concat(tables), digits=9)

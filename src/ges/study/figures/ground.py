@@ -215,6 +215,5 @@ def curve(flights: list[Path], simulator: Simulator, data: Path, pdf: Path, png:
         xlabel="rotor clearance (m)", ylabel="mean absolute error\nof the flat-ground formula"
     )
     left.legend()
-    style.panel(left, "a")
-    style.panel(right, "b")
+    style.panels(left, right)
     style.save(figure, table, data, pdf, png)

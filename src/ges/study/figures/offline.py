@@ -78,8 +78,7 @@ def splits(table1: Path, plan: str, data: Path, pdf: Path, png: Path) -> None:
     style.log_ticks(left.xaxis)
     right.set(xlabel="$R^2$")
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    style.panel(left, "a")
-    style.panel(right, "b")
+    style.panels(left, right)
     style.save(figure, table, data, pdf, png)
 
 

@@ -83,11 +83,8 @@ def thrust(blocks: Path, forms: Path, vehicle: Path, data: Path, pdf: Path, png:
     table = pd.read_csv(blocks)
     if table.empty:
         return _absent(table, data, pdf, png)
-    shown, fitted, airframe = (
-        binned(table),
-        pd.read_csv(forms).set_index("form"),
-        load_vehicle(vehicle),
-    )
+    shown, airframe = binned(table), load_vehicle(vehicle)
+    fitted = pd.read_csv(forms).set_index("form")
     z = np.geomspace(0.6, 22.0, 300)
     figure, axes = style.subplots(width=style.PAGE_IN, height=2.9)
     for i, (name, flight) in enumerate(table.groupby("flight")):

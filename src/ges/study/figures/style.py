@@ -6,6 +6,7 @@ Colours are those of Okabe and Ito; every series also has its own marker, line s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,13 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ges.files import replacing
+from ges.files import replacing, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,16 +31,8 @@ COLUMN_IN = 3.33
 PAGE_IN = 6.93
 """Width of both columns."""
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
-    "#000000",
-    "#e69f00",
-    "#56b4e9",
-    "#009e73",
-    "#f0e442",
-    "#0072b2",
-    "#d55e00",
-    "#cc79a7",
-)
+BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
+YELLOW, BLUE, RED, PINK = "#f0e442", "#0072b2", "#d55e00", "#cc79a7"
 GREY = "#999999"
 COLOURS = (BLUE, RED, GREEN, ORANGE, PINK, SKY, BLACK, GREY)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -53,7 +47,10 @@ MODE_LABELS = {
     "ml_asym_clamp": "ML clamped",
 }
 MODE_COLOURS = dict(zip(MODE_LABELS, (GREY, BLUE, BLACK, RED, ORANGE, GREEN), strict=True))
-MODE_MARKERS = dict(zip(MODE_LABELS, MARKERS, strict=False))
+MODE_DOTS = {
+    name: {"fmt": marker, "color": MODE_COLOURS[name]}
+    for name, marker in zip(MODE_LABELS, MARKERS, strict=False)
+}
 FORM_LABELS = {
     "cheeseman_bennett": "Cheeseman-Bennett",
     "hayden": "Hayden",
@@ -130,8 +127,7 @@ def save(figure: Figure, table: pd.DataFrame, data: Path, pdf: Path, png: Path) 
     table : what it shows.
     data, pdf, png : to write; equal figures give equal bytes.
     """
-    with replacing(data) as new:
-        table.to_csv(new, index=False, float_format="%.9g")
+    write_csv(data, table, digits=9)
     with replacing(pdf) as new:
         figure.savefig(
             new, format="pdf", metadata={"CreationDate": None, "Producer": None, "Creator": None}
@@ -148,6 +144,32 @@ def log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def panel(axes: Axes, letter: str) -> None:
-    """Write the letter of a panel above its left upper corner."""
-    axes.set_title(f"({letter})", loc="left", fontweight="bold")
+def panels(*axes: Axes) -> None:
+    """Write the letters of panels, a, b and so on, above their left upper corners."""
+    for ax, letter in zip(axes, "abcdef", strict=False):
+        ax.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+def cells(
+    axes: Axes,
+    table: pd.DataFrame,
+    text: Callable,
+    colour: Callable,
+    size: float,
+    rotation: float = 0.0,
+) -> None:
+    """Write into the cells of a table that is drawn as an image, and label its axes.
+
+    Parameters
+    ----------
+    axes : of the image.
+    table : numbers, by numbers in rows and columns.
+    text, colour : called with row and column of a cell.
+    size : of the text, points.
+    rotation : of the labels of columns, degrees.
+    """
+    for i, j in np.ndindex(table.shape):
+        axes.text(j, i, text(i, j), ha="center", va="center", fontsize=size, color=colour(i, j))
+    axes.set_xticks(range(table.shape[1]), [f"{v:g}" for v in table.columns], rotation=rotation)
+    axes.set_yticks(range(table.shape[0]), [f"{v:g}" for v in table.index])
+    axes.grid(False)

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ges.files import write_csv
 from ges.study.config import Flights, SeedRange, Simulator
-from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.fly.flights import Condition, fly_conditions
 from ges.study.stats.paired import compare, contrasts
 
 METRICS = ("agl_rms_m", "clearance_mean_m", "clearance_p5_m", "clearance_min_m", "low_clearance_s")
@@ -69,6 +70,6 @@ def fly_bias(
         Holm's method.
     """
     table = fly_conditions(bias_conditions(biases), closed_loop.list(), simulator, plan)
-    write_csv(table, flights)
-    write_csv(compare(table, METRICS, "0"), summary)
-    write_csv(contrasts(table, METRICS, opposed(biases)), tests)
+    write_csv(flights, table)
+    write_csv(summary, compare(table, METRICS, "0"))
+    write_csv(tests, contrasts(table, METRICS, opposed(biases)))

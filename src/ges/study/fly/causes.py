@@ -8,11 +8,12 @@ itself helps the loop, an estimate that leaves some of it tracks better.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from ges.files import write_csv
 from ges.study.config import Flights, SeedRange, Simulator
-from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.fly.flights import Condition, fly_conditions
 from ges.study.stats.paired import contrasts, means
 
 METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s", "gyro_rms_rad_s")
@@ -40,17 +41,11 @@ class _Removal:
 
 def _removals(simulator: Simulator) -> dict[str, _Removal]:
     """Every cause by name, then several together."""
-    lag, damping = (
-        simulator.vehicle.motor_time_constant_s,
-        {"altitude_kd": DAMPED * simulator.controller.altitude_kd},
-    )
+    lag = simulator.vehicle.motor_time_constant_s
+    damping = {"altitude_kd": DAMPED * simulator.controller.altitude_kd}
     every = {"telemetry_every": 1.0, "control_every": 1.0}
-    quiet = {
-        "range_noise_m": 0.0,
-        "gyro_noise_rad_s": 0.0,
-        "rpm_noise_rad_s": 0.0,
-        "current_noise_A": 0.0,
-    }
+    noises = ("range_noise_m", "gyro_noise_rad_s", "rpm_noise_rad_s", "current_noise_A")
+    quiet = dict.fromkeys(noises, 0.0)
     fast, rotors = {"motor_time_constant_s": FAST_MOTOR_S}, {"per_rotor": 1.0}
     return {
         AS_PUBLISHED: _Removal(),
@@ -72,34 +67,17 @@ def _removals(simulator: Simulator) -> dict[str, _Removal]:
     }
 
 
-def _conditions_without(cause: str, gone: _Removal) -> list[Condition]:
-    own = {"none": {}, "analytical": {}, "oracle": gone.oracle}
-    flown = [
-        Condition(
-            f"{mode}, {cause}",
-            {"mode": mode, **gone.every_mode, **extra},
-            gone.truth,
-            {"cause": cause, "mode": mode},
-        )
-        for mode, extra in own.items()
-    ]
-    bare = Condition(
-        f"{FLOOR}, {cause}",
-        {"mode": "none", **gone.every_mode},
-        {"amplitude": 0.0},
-        {"cause": cause, "mode": FLOOR},
+def _conditions_without(cause: str, gone: _Removal) -> Iterator[Condition]:
+    """Yield oracle, analytical and no feedforward without a cause, then no ground effect at all."""
+    arms: tuple[tuple[str, str, Mapping[str, float], Mapping[str, float]], ...] = (
+        ("none", "none", {}, gone.truth),
+        ("analytical", "analytical", {}, gone.truth),
+        ("oracle", "oracle", gone.oracle, gone.truth),
+        (FLOOR, "none", {}, {"amplitude": 0.0}),
     )
-    return [*flown, bare]
-
-
-def _cause_conditions(simulator: Simulator) -> list[Condition]:
-    """Return oracle, analytical and no feedforward without each cause.
-
-    The same vehicle where no ground effect exists follows each of them.
-    """
-    return [
-        c for cause, gone in _removals(simulator).items() for c in _conditions_without(cause, gone)
-    ]
+    for name, mode, own, truth in arms:
+        numbers: dict[str, float | str] = {"mode": mode, **gone.every_mode, **own}
+        yield Condition(f"{name}, {cause}", numbers, truth, {"cause": cause, "mode": name})
 
 
 def fly_causes(
@@ -121,12 +99,13 @@ def fly_causes(
     tests : to write: paired tests. For every cause the oracle meets the analytical mode and none,
         and every mode meets no ground effect at all. Every oracle meets the published one.
     """
-    table = fly_conditions(_cause_conditions(simulator), closed_loop.list(), simulator, plan)
+    causes = _removals(simulator)
+    conditions = [c for cause, gone in causes.items() for c in _conditions_without(cause, gone)]
+    table = fly_conditions(conditions, closed_loop.list(), simulator, plan)
     # Holm's correction is over all of these: no pair that nobody asks for
-    causes = list(_removals(simulator))
     pairs = [(f"oracle, {c}", f"{other}, {c}") for c in causes for other in ("analytical", "none")]
     pairs += [(f"{m}, {c}", f"{FLOOR}, {c}") for c in causes for m in ("none", *FEEDFORWARD)]
     pairs += [(f"oracle, {c}", f"oracle, {AS_PUBLISHED}") for c in causes if c != AS_PUBLISHED]
-    write_csv(table, flights)
-    write_csv(means(table, METRICS), summary)
-    write_csv(contrasts(table, METRICS, pairs), tests)
+    write_csv(flights, table)
+    write_csv(summary, means(table, METRICS))
+    write_csv(tests, contrasts(table, METRICS, pairs))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ges.files import write_json
+from ges.files import write_csv, write_json
 from ges.study.config import Flights, SeedRange, Simulator
-from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.fly.flights import Condition, fly_conditions
 from ges.study.stats.paired import means
 
 
@@ -41,7 +41,7 @@ def choose_clamp(
     ]
     table = fly_conditions(conditions, validation.list(), simulator, plan)
     score = means(table, ["agl_rms_m"]).set_index("condition")["mean"]
-    write_csv(table, flights)
+    write_csv(flights, table)
     write_json(
         choice,
         {

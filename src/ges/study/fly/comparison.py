@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from ges.files import write_csv
 from ges.study.config import Flights, Mode, SeedRange, Simulator
-from ges.study.fly.flights import Condition, fly_conditions, mode, write_csv
+from ges.study.fly.flights import Condition, fly_conditions, mode
 from ges.study.fly.metrics import NAMES
 from ges.study.stats.paired import compare
 
@@ -62,10 +63,10 @@ def fly_comparison(
         table = fly_conditions(conditions, seeds.list(), simulator, plan)
         tables.append(table.assign(seed_list=name))
         summaries.append(compare(table, NAMES, REFERENCE).assign(seed_list=name))
-    write_csv(pd.concat(tables), flights)
-    write_csv(pd.concat(summaries), summary)
+    write_csv(flights, pd.concat(tables))
+    write_csv(summary, pd.concat(summaries))
     # the table of the last list, which is the large one
-    write_csv(compare(table, ["agl_rms_restricted_m", "agl_rms_m"], REFERENCE), restricted)
+    write_csv(restricted, compare(table, ["agl_rms_restricted_m", "agl_rms_m"], REFERENCE))
 
 
 def write_table2(comparison: Path, bias: Path, table: Path) -> None:
@@ -88,4 +89,4 @@ def write_table2(comparison: Path, bias: Path, table: Path) -> None:
     )
     both = both[both["metric"] == "agl_rms_m"].drop(columns="metric")
     first = ["experiment", "seed_list", "condition"]
-    write_csv(both[first + [c for c in both.columns if c not in first]], table)
+    write_csv(table, both[first + [c for c in both.columns if c not in first]])

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ges.files import write_csv
 from ges.study.config import Ensemble, Flights, Pulse, SeedRange, Simulator
 from ges.study.fly import calibrate
-from ges.study.fly.flights import counted, write_csv
+from ges.study.fly.flights import counted
 from ges.study.stats.target import ends
 
 CLAIMED_SIGN = {
@@ -72,11 +73,8 @@ def _walk(
 ) -> Iterator[dict[str, float]]:
     """A row a step: where the walk is, its misfit and its effects."""
     low, high = ends(calibrate.FREE)
-    rng, here, row = (
-        np.random.default_rng(how.seed),
-        np.array([start[name] for name in calibrate.FREE]),
-        None,
-    )
+    rng, row = np.random.default_rng(how.seed), None
+    here = np.array([start[name] for name in calibrate.FREE])
     for step in counted(how.steps + 1, 1):
         there = (
             _folded(here + how.stride * (high - low) * rng.normal(size=len(here)), low, high)
@@ -90,10 +88,8 @@ def _walk(
         # target density exp(-misfit / (2 slack^2)): each tolerance, times the slack, is a standard
         # deviation; a worse place is taken with the ratio of densities
         if row is None or np.log(luck) < (row["misfit"] - misfit) / (2 * how.slack**2):
-            here, row = (
-                there,
-                {**numbers, "misfit": misfit, **effects(search.simulator, search.plan, arms)},
-            )
+            here = there
+            row = {**numbers, "misfit": misfit, **effects(search.simulator, search.plan, arms)}
         # a step that is refused counts the old place once more
         yield {"step": step, **row}
 
@@ -158,5 +154,5 @@ def fly_ensemble(
             json.loads(Path(calibration).read_text())["fitted"],
         )
     )
-    write_csv(walk, flights)
-    write_csv(_shares(walk), summary)
+    write_csv(flights, walk)
+    write_csv(summary, _shares(walk))

@@ -7,12 +7,10 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 
 import pandas as pd
 
 from ges.errors import GesError
-from ges.files import replacing
 from ges.simulator import flight as sim
 from ges.study.config import Flights, Simulator
 from ges.study.fly.metrics import COLUMNS, flight_metrics
@@ -154,15 +152,3 @@ def fly_conditions(
         for (c, seed), record in zip(arms, records, strict=True)
     ]
     return pd.DataFrame(rows)
-
-
-def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """Write a table, whole or not at all.
-
-    Parameters
-    ----------
-    table : numbers are written to the last bit.
-    path : to write.
-    """
-    with replacing(path) as new:
-        table.to_csv(new, index=False, lineterminator="\n")

@@ -9,10 +9,11 @@ from typing import get_args
 
 import pandas as pd
 
+from ges.files import write_csv
 from ges.study.config import Flights, GroundEffect, Mode, SeedRange, Simulator
 from ges.study.fly.bias import METRICS, bias_conditions, opposed
 from ges.study.fly.comparison import REFERENCE, mode_conditions
-from ges.study.fly.flights import MAPPINGS, fly_conditions, write_csv
+from ges.study.fly.flights import MAPPINGS, fly_conditions
 from ges.study.stats.paired import compare, contrasts
 
 FORMS = get_args(GroundEffect.model_fields["form"].annotation)
@@ -113,4 +114,4 @@ def fly_worlds(
     )
     tables = _summaries(table)
     for content, path in zip((table, *tables), (flights, summary, tests), strict=True):
-        write_csv(content, path)
+        write_csv(path, content)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from ges.files import write_csv
 from ges.study.config import Flights, Mode, SeedRange, Simulator
 from ges.study.fly.comparison import REFERENCE, mode_conditions
-from ges.study.fly.flights import fly_conditions, write_csv
+from ges.study.fly.flights import fly_conditions
 from ges.study.stats.paired import compare
 
 METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s")
@@ -48,9 +49,8 @@ def fly_grid_cell(
     )
     world = simulator.model_copy(update={"ground_effect": truth})
     table = fly_conditions(mode_conditions(modes, clamp), closed_loop.list(), world, plan)
-    write_csv(
-        table.assign(slope_exponent=slope_exponent, curvature_factor=curvature_factor), flights
-    )
+    cell = {"slope_exponent": slope_exponent, "curvature_factor": curvature_factor}
+    write_csv(flights, table.assign(**cell))
 
 
 def summarise_grid(cells: list[Path], flights: Path, summary: Path) -> None:
@@ -63,10 +63,10 @@ def summarise_grid(cells: list[Path], flights: Path, summary: Path) -> None:
     summary : to write: means and paired differences by cell.
     """
     table = pd.concat([pd.read_csv(cell) for cell in cells])
-    write_csv(table, flights)
+    write_csv(flights, table)
     parts = [
         compare(part, METRICS, REFERENCE).assign(**dict(zip(CELL, values, strict=True)))
         for values, part in table.groupby(CELL)
     ]
     whole = pd.concat(parts)
-    write_csv(whole[CELL + [c for c in whole.columns if c not in CELL]], summary)
+    write_csv(summary, whole[CELL + [c for c in whole.columns if c not in CELL]])

@@ -56,11 +56,8 @@ def flight_metrics(
     Clearances are of the body's true height over the ground, so that sensor noise does not move a
     minimum.
     """
-    reading, clearance, row_s = (
-        record["range_m"],
-        record["agl_m"],
-        float(np.median(np.diff(record["t_s"]))),
-    )
+    reading, clearance = record["range_m"], record["agl_m"]
+    row_s = float(np.median(np.diff(record["t_s"])))
     # by the reading, as the firmware's cutover: the zone in which a network may act
     far = reading[reading >= restricted_m]
     return {

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from ges.files import write_csv
 from ges.study.config import Flights, SeedRange, Simulator
 from ges.study.fly.comparison import REFERENCE
-from ges.study.fly.flights import fly_conditions, mode, write_csv
+from ges.study.fly.flights import fly_conditions, mode
 from ges.study.stats.paired import compare
 
 METRICS = ("agl_rms_m", "clearance_p5_m", "low_clearance_s", "network_mae")
@@ -39,7 +40,7 @@ def fly_network(
     """
     conditions = [mode(name, shadow=1.0) for name in MODES]
     table = fly_conditions(conditions, closed_loop.list(), simulator, plan)
-    write_csv(table.assign(trained_on=trained_on, training=training), flights)
+    write_csv(flights, table.assign(trained_on=trained_on, training=training))
 
 
 def summarise_networks(networks: list[Path], flights: Path, summary: Path) -> None:
@@ -62,5 +63,5 @@ def summarise_networks(networks: list[Path], flights: Path, summary: Path) -> No
         compare(part, METRICS, REFERENCE).assign(trained_on=plan, training=training)
         for (plan, training), part in each.groupby(["trained_on", "training"], sort=False)
     ]
-    write_csv(table, flights)
-    write_csv(pd.concat(parts).assign(trainings=table["training"].nunique()), summary)
+    write_csv(flights, table)
+    write_csv(summary, pd.concat(parts).assign(trainings=table["training"].nunique()))

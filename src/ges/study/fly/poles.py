@@ -30,11 +30,12 @@ import numpy as np
 import pandas as pd
 
 from ges.errors import GesError
+from ges.files import write_csv
 from ges.simulator import flight as sim
 from ges.simulator.parameters import parameters
 from ges.simulator.terrain import ProceduralShape, Terrain
 from ges.study.config import Simulator
-from ges.study.fly.flights import MAPPINGS, write_csv
+from ges.study.fly.flights import MAPPINGS
 
 MODES = ("none", "analytical", "oracle")
 FACTOR_IS = ("of height", "constant")
@@ -413,5 +414,5 @@ def write_poles(
         for power, slopes in itertools.product((1, 2), FACTOR_IS):
             rows += _pole_rows(simulator, at, factor, mode, power, slopes)
     table = pd.DataFrame(rows)
-    write_csv(table, poles)
-    write_csv(_verdict(table), summary)
+    write_csv(poles, table)
+    write_csv(summary, _verdict(table))

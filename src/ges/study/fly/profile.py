@@ -15,10 +15,10 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from ges import files
+from ges.files import write_csv
 from ges.study.config import Flights, Pulse, SeedRange, Simulator
 from ges.study.fly import calibrate
 from ges.study.fly.ensemble import effects
-from ges.study.fly.flights import write_csv
 
 GAIN = "curvature_gain_m"
 EVALUATIONS = 4  # of a refit, each with its derivatives
@@ -117,4 +117,4 @@ def fly_profile(
                 **effects(simulator, plan, arms),
             }
         )
-    write_csv(pd.DataFrame(rows), misfits)
+    write_csv(misfits, pd.DataFrame(rows))

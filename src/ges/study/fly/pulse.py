@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ges.files import write_json
+from ges.files import write_csv, write_json
 from ges.simulator.flight import Record
 from ges.study.config import Flights, Pulse, PulseMap, SeedRange, Simulator
-from ges.study.fly.flights import Condition, flown, write_csv
+from ges.study.fly.flights import Condition, flown
 from ges.study.stats.paired import contrasts
 
 COLUMNS = ("t_s", "agl_m", "ge_factor", "ge_shadow")
@@ -165,9 +165,9 @@ def fly_pulse(
     near, after_s = _near(records[0]["t_s"], pulse)
     # equal ground and noise on both sides: what is left is the pulse's doing
     change = (clearance[len(seeds) :] - clearance[: len(seeds)])[:, near]
-    write_csv(table, flights)
-    write_csv(_tests(table), tests)
-    write_csv(_trace(after_s, change), trace)
+    write_csv(flights, table)
+    write_csv(tests, _tests(table))
+    write_csv(trace, _trace(after_s, change))
     write_json(response, _mean_response(after_s, change))
 
 
@@ -265,9 +265,9 @@ def fly_pulse_map(
         greatest_loss_m=("greatest_loss_m", "max"),
         left_m=("left_m", "max"),
     )
-    write_csv(table, flights)
-    write_csv(shares, summary)
-    write_csv(_limits(shares), limits)
+    write_csv(flights, table)
+    write_csv(summary, shares)
+    write_csv(limits, _limits(shares))
 
 
 def _up_to(cell: pd.DataFrame, good: pd.Series) -> float:
@@ -281,10 +281,8 @@ def _limits(shares: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (length, sign), cell in shares.groupby(["duration_s", np.sign(shares["bias"])]):
         cell = cell.sort_values("bias", key=np.abs)
-        returned, untouched = (
-            _up_to(cell, cell["returned"] == 1),
-            _up_to(cell, cell["touched"] == 0),
-        )
+        returned = _up_to(cell, cell["returned"] == 1)
+        untouched = _up_to(cell, cell["touched"] == 0)
         highest = float(cell["bias"].abs().max())
         rows.append((length, "+" if sign > 0 else "-", returned, untouched, highest))
     return pd.DataFrame(

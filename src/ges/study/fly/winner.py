@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ges.errors import UsageError
-from ges.files import write_json
+from ges.files import write_csv, write_json
 from ges.study.config import Flights, Mode, Retune, SeedRange, Simulator
 from ges.study.fly.comparison import REFERENCE, mode_conditions
-from ges.study.fly.flights import Condition, fly_conditions, write_csv
+from ges.study.fly.flights import Condition, fly_conditions
 from ges.study.fly.poles import phase_margin_deg
 from ges.study.stats.paired import compare, contrasts, means
 
@@ -133,7 +133,7 @@ def choose_gains(
             least[mode] = value
             best[mode] = {**candidate.labels, "agl_rms_m": value}
     published = _margin_deg(simulator, 1.0, 1.0)
-    write_csv(table, flights)
+    write_csv(flights, table)
     write_json(
         choice, {"seeds": validation.list(), "gains": best, "published_phase_margin_deg": published}
     )
@@ -174,6 +174,6 @@ def fly_winner(
     table = fly_conditions(conditions, closed_loop.list(), simulator, plan)
     pairs = [(f"{m}, {RETUNED}", f"{m}, {PUBLISHED}") for m in chosen]
     pairs += [(f"{m}, {RETUNED}", f"{REFERENCE}, {RETUNED}") for m in chosen if m != REFERENCE]
-    write_csv(table, flights)
-    write_csv(compare(table, METRICS, f"{REFERENCE}, {PUBLISHED}"), summary)
-    write_csv(contrasts(table, METRICS, pairs), tests)
+    write_csv(flights, table)
+    write_csv(summary, compare(table, METRICS, f"{REFERENCE}, {PUBLISHED}"))
+    write_csv(tests, contrasts(table, METRICS, pairs))

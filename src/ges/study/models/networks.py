@@ -123,10 +123,8 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):
             _one_pass(network, x, y, order.permutation(len(x)), self.batch_rows, optimiser, pace)
             error = self._error(network, ahead)
             if error < best or ahead is None:
-                best, self.weights_ = (
-                    error,
-                    {k: v.detach().numpy().copy() for k, v in network.state_dict().items()},
-                )
+                best, state = error, network.state_dict()
+                self.weights_ = {k: v.detach().numpy().copy() for k, v in state.items()}
 
     def _error(self, network: nn.Module, ahead: tuple | None) -> float:
         if ahead is None:

@@ -20,10 +20,8 @@ def _sums(truth: np.ndarray, predicted: np.ndarray, seed: np.ndarray) -> np.ndar
 
     The sums are of y, of y^2, of squared and of absolute error, with y less its overall mean.
     """
-    y, error = (
-        truth.astype(float) - truth.mean(dtype=float),
-        predicted.astype(float) - truth.astype(float),
-    )
+    y = truth.astype(float) - truth.mean(dtype=float)
+    error = predicted.astype(float) - truth.astype(float)
     # y about its mean, or yy - y^2 / n of a factor near 1 would be a small rest of large numbers
     table = pd.DataFrame({"n": 1.0, "y": y, "yy": y**2, "ee": error**2, "e": np.abs(error)})
     return table.groupby(np.asarray(seed)).sum().to_numpy()

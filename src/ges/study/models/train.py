@@ -20,7 +20,7 @@ import joblib
 import numpy as np
 import pandas as pd
 
-from ges.files import replacing, write_json
+from ges.files import replacing, write_csv, write_json
 from ges.study.config import AnyFit, Quadrotor, Window
 from ges.study.datasets.columns import FEATURES
 from ges.study.datasets.rows import Rows, RowWindow, load_rows
@@ -140,5 +140,4 @@ def write_table1(metrics: list[Path], table: Path) -> None:
     frame = frame.sort_values(
         ["plan", "split", "r2"], ascending=[False, False, False], kind="stable"
     )
-    with replacing(table) as new:
-        frame.to_csv(new, index=False, float_format="%.6g")
+    write_csv(table, frame, digits=6)

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ges.files import replacing
+from ges.files import write_csv
 from ges.study.config import TerrainShape
 from ges.study.datasets.ground import ground_of
 from ges.study.models.scores import reduction, scores
@@ -68,10 +68,7 @@ def _scored(rows: pd.DataFrame, of: int, resamples: int, seed: int) -> Iterator[
 
 def _write(table: Path, rows: list[dict], first: list[str]) -> None:
     frame = pd.DataFrame(rows)
-    with replacing(table) as new:
-        frame[[*first, *(c for c in frame if c not in first)]].to_csv(
-            new, index=False, float_format="%.6g"
-        )
+    write_csv(table, frame[[*first, *(c for c in frame if c not in first)]], digits=6)
 
 
 def _irregularity(rows: pd.DataFrame, terrain: TerrainShape) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
-from ges.files import replacing
+from ges.files import write_csv
 from ges.study.config import AnyFit, Quadrotor, Window
 from ges.study.datasets.rows import RowWindow, load_rows
 from ges.study.models import zoo
@@ -81,5 +81,4 @@ def learning_curve(
         rows.append(
             {"plan": plan, "model": name, "share": share, "train_rows": len(train), **metrics}
         )
-    with replacing(table) as new:
-        pd.DataFrame(rows).to_csv(new, index=False, float_format="%.6g")
+    write_csv(table, pd.DataFrame(rows), digits=6)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ges.files import replacing
+from ges.files import write_csv
 from ges.study.config import ForestFit, Quadrotor, Window
 from ges.study.datasets.rows import RowWindow, load_rows
 from ges.study.models import zoo
@@ -70,5 +70,4 @@ def sweep_horizons(
                 "test_seeds": len(set(test.seed)),
             }
             rows.append({"plan": plan, "model": name, "horizon_s": horizon_s, **metrics, **counts})
-    with replacing(table) as new:
-        pd.DataFrame(rows).to_csv(new, index=False, float_format="%.6g")
+    write_csv(table, pd.DataFrame(rows), digits=6)

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from sklearn.inspection import permutation_importance
 
-from ges.files import replacing
+from ges.files import write_csv
 from ges.study.config import Window
 from ges.study.datasets.columns import FEATURES
 from ges.study.datasets.rows import RowWindow, load_rows
@@ -75,5 +75,4 @@ def write_importances(
             "repeats": repeats,
         }
     )
-    with replacing(table) as new:
-        frame.to_csv(new, index=False, float_format="%.6g")
+    write_csv(table, frame, digits=6)

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 RESAMPLES = 9999
+COMPARED = ("difference", "low", "high", "t", "p", "d_z", "above")
 
 
 @functools.lru_cache(maxsize=8)
@@ -63,31 +64,15 @@ def difference(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
     mean, above = float(d.mean()), float((d > 0).mean())
     # t would be 0 / 0
     if not d.any():
-        return {
-            "difference": 0.0,
-            "low": 0.0,
-            "high": 0.0,
-            "t": 0.0,
-            "p": 1.0,
-            "d_z": 0.0,
-            "above": 0.0,
-        }
+        return dict.fromkeys(COMPARED, 0.0) | {"p": 1.0}
     if len(d) < 2:
-        return (
-            {"difference": mean}
-            | dict.fromkeys(("low", "high", "t", "p", "d_z"), float("nan"))
-            | {"above": above}
-        )
+        return dict.fromkeys(COMPARED, float("nan")) | {"difference": mean, "above": above}
     test = stats.ttest_1samp(d, 0.0)
     low, high = test.confidence_interval(0.95)
     # equal differences have a deviation of zero but for rounding, which would give any number
     d_z = mean / float(d.std(ddof=1)) if np.ptp(d) > 0 else float("inf") * np.sign(mean)
     values = mean, low, high, test.statistic, test.pvalue, d_z, above
-    return dict(
-        zip(
-            ("difference", "low", "high", "t", "p", "d_z", "above"), map(float, values), strict=True
-        )
-    )
+    return dict(zip(COMPARED, map(float, values), strict=True))
 
 
 def holm(p: Sequence[float]) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from xml.etree.ElementTree import Element, ParseError
 
 import defusedxml.ElementTree
@@ -233,6 +233,34 @@ def one_thrust(plain: Plain, target: str) -> list[str]:
     if np.allclose(plain.thrust_N_s2, plain.mean_thrust_N_s2, rtol=1e-6):
         return []
     return [f"{target} has one thrust coefficient for all rotors: the mean of four that differ."]
+
+
+def rotors_at(plain: Plain, corners: Sequence[tuple[float, float]], refusal: str) -> list[int]:
+    """Find the rotor at each corner of an X.
+
+    Parameters
+    ----------
+    plain : the vehicle.
+    corners : x and y of the corners, at any distance.
+    refusal : what the format is written for, the end of the sentence.
+
+    Returns
+    -------
+    Number of the rotor for each corner, from 0.
+
+    Raises
+    ------
+    GesError
+        When the vehicle is no X quadrotor.
+    """
+    hubs, places = plain.hubs_m[:, 0] + 1j * plain.hubs_m[:, 1], [complex(*xy) for xy in corners]
+    # differences of angles within pi
+    gaps = np.abs(np.angle(hubs[:, None] * np.conj(places)))
+    order = np.argmin(gaps, axis=0).tolist()
+    # one rotor nearest to two places
+    if len(hubs) != len(corners) or len(set(order)) < len(corners):
+        raise GesError(f"vehicle '{plain.name}' is no X quadrotor{refusal}")
+    return order
 
 
 def parse_xml(data: bytes, name: str) -> Element:

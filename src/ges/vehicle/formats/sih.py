@@ -19,7 +19,7 @@ from ges.errors import GesError, UsageError
 from ges.vehicle import propeller, scaling
 from ges.vehicle.datasheet import Datasheet, comment
 from ges.vehicle.file import Vehicle, parse_vehicle
-from ges.vehicle.formats.neutral import Export, Plain, number, one_thrust, plain, without
+from ges.vehicle.formats.neutral import Export, number, one_thrust, plain, rotors_at, without
 from ges.vehicle.layouts import LAYOUTS
 from ges.vehicle.propeller import Propeller
 
@@ -44,6 +44,10 @@ DEFAULTS: Mapping[str, float] = {
 # param set-default NAME VALUE; two ids before NAME, as QGroundControl writes; or NAME = VALUE
 _LINE = re.compile(r"\s*(?:param\s+set(?:-default)?\s+|(?:\d+\s+){2})?(SIH_\w+)[\s=,:]+([^\s,#]+)")
 RHO_KG_M3 = 1.225
+# clockwise from the nose, as the layouts count
+ANGLES_RAD = [math.radians(m.angle_deg) for m in LAYOUTS["x"]]
+CORNERS = [(math.cos(a), -math.sin(a)) for a in ANGLES_RAD]
+SPINS = [m.spin for m in LAYOUTS["x"]]
 
 
 def _given(data: bytes, name: str) -> dict[str, float]:
@@ -112,11 +116,7 @@ def from_parameters(
     for key in ("SIH_MASS", "SIH_T_MAX", "SIH_Q_MAX", "SIH_L_ROLL", "SIH_L_PITCH", "SIH_T_TAU"):
         if not p[key] > 0:
             raise UsageError(f"{name}: {key} is {p[key]:g}; it must be positive")
-    angles = [(m.angle_deg, m.spin) for m in LAYOUTS["x"]]
-    signs = [(math.cos(math.radians(a)), -math.sin(math.radians(a))) for a, _ in angles]
-    hubs = np.array(
-        [(np.sign(x) * p["SIH_L_PITCH"], np.sign(y) * p["SIH_L_ROLL"]) for x, y in signs]
-    )
+    hubs = np.sign(CORNERS) * [p["SIH_L_PITCH"], p["SIH_L_ROLL"]]
     radius_m = prop.radius_m if prop else scaling.radius_m(hubs)
     # only T_MAX = k w_max^2 acts; a usual k for the size makes usual speeds of it
     thrust = propeller.thrust_coefficient(Propeller(2.0 * radius_m), RHO_KG_M3).value
@@ -133,7 +133,7 @@ def from_parameters(
         "inertia_kg_m2": {k: p[f"SIH_I{k.upper()}"] for k in ("xx", "yy", "zz")},
         "rotors": [
             {"x_m": x, "y_m": y, "radius_m": radius_m, "spin": spin}
-            for (x, y), (_, spin) in zip(hubs.tolist(), angles, strict=True)
+            for (x, y), spin in zip(hubs.tolist(), SPINS, strict=True)
         ],
         "thrust_coefficient_N_s2": thrust,
         "torque_coefficient_Nm_s2": thrust * p["SIH_Q_MAX"] / p["SIH_T_MAX"],
@@ -177,8 +177,14 @@ def write(vehicle: Vehicle) -> Export:
         When it is no X quadrotor of upright rotors.
     """
     p = plain(vehicle)
-    order, remarks = _px4_order(p)
-    remarks = [*p.remarks, *remarks, *one_thrust(p, "SIH")]
+    order = rotors_at(p, CORNERS, ", the only one that SIH flies")
+    remarks = [*p.remarks]
+    if order != list(range(4)):
+        listed = ", ".join(str(k + 1) for k in order)
+        remarks.append(f"PX4's motors 1 to 4 are rotors {listed} of the vehicle file.")
+    if [("ccw" if p.spin[k] > 0 else "cw") for k in order] != SPINS:
+        remarks.append("Its rotors turn the other way than SIH turns them: yaw comes out reversed.")
+    remarks += one_thrust(p, "SIH")
     remarks += without(p, ("rotor_drag", "axial_inflow", "thrust_curve"), "SIH")
     curve = p.effect("thrust_curve", "c")
     if curve != 1.0:
@@ -216,22 +222,3 @@ def write(vehicle: Vehicle) -> Export:
     lines += [line for remark in remarks for line in comment(remark)]
     lines += [f"param set-default {key} {value + 0.0:.8g}" for key, value in numbers.items()]
     return Export("\n".join(lines) + "\n", tuple(remarks))
-
-
-def _px4_order(p: Plain) -> tuple[list[int], list[str]]:
-    """Give the rotors in PX4's order, and what does not fit it."""
-    # clockwise from the nose, as the layouts count
-    angles = np.degrees(np.arctan2(-p.hubs_m[:, 1], p.hubs_m[:, 0])) % 360.0
-    layout = [(m.angle_deg, m.spin) for m in LAYOUTS["x"]]
-    gaps = np.array([[abs((a - b + 180.0) % 360.0 - 180.0) for b, _ in layout] for a in angles])
-    order = [int(np.argmin(gaps[:, k])) for k in range(4)]
-    # one rotor nearest to two places
-    if len(angles) != 4 or len(set(order)) < 4:
-        raise GesError(f"vehicle '{p.name}' is no X quadrotor, the only one that SIH flies")
-    remarks = []
-    if order != list(range(4)):
-        listed = ", ".join(str(k + 1) for k in order)
-        remarks.append(f"PX4's motors 1 to 4 are rotors {listed} of the vehicle file.")
-    if [("ccw" if p.spin[k] > 0 else "cw") for k in order] != [spin for _, spin in layout]:
-        remarks.append("Its rotors turn the other way than SIH turns them: yaw comes out reversed.")
-    return order, remarks

@@ -27,6 +27,7 @@ from ges.vehicle.formats.neutral import (
     one_thrust,
     parse_xml,
     plain,
+    rotors_at,
     without,
 )
 from ges.vehicle.propeller import Propeller
@@ -225,15 +226,7 @@ def write(vehicle: Vehicle) -> Export:
 
 def _order(p: Plain) -> tuple[list[int], list[str]]:
     """Give the rotors in that simulator's order, front left first, and what does not fit it."""
-    angles = np.arctan2(p.hubs_m[:, 1], p.hubs_m[:, 0])
-    corners = [math.atan2(y, x) for x, y in CORNERS]
-    # differences of angles within pi
-    gaps = np.abs(np.angle(np.exp(1j * (angles[:, None] - np.array(corners)[None, :]))))
-    order = [int(np.argmin(gaps[:, k])) for k in range(4)]
-    if len(p.hubs_m) != 4 or len(set(order)) < 4:
-        raise GesError(
-            f"vehicle '{p.name}' is no X quadrotor; gym-pybullet-drones' urdf is written for those"
-        )
+    order = rotors_at(p, CORNERS, "; gym-pybullet-drones' urdf is written for those")
     spins = ["ccw" if p.spin[k] > 0 else "cw" for k in order]
     listed = ", ".join(str(k + 1) for k in order)
     remarks = [f"Propellers 0 to 3 are rotors {listed} of the vehicle file."]
