@@ -80,10 +80,12 @@ def explain_flights(
         moved = relinearise(start, nominal, effects)
         decisions = DecisionLog()
         again = accept(moved.regression, decisions) if moved else None
-        # what is accepted there has to lead there, too
-        if moved and again and again.fitted and relinearise(start, nominal, again.fitted.effects):
-            start, accepted = moved, again
-            record.become(decisions)
+        # what is accepted there has to lead there, too, or to be the number that moved
+        if moved and again and again.fitted:
+            numbers = {f"{e}.{p}" for e, p in again.fitted.free} & set(moved.system.nuisances)
+            if numbers or relinearise(start, nominal, again.fitted.effects):
+                start, accepted = moved, again
+                record.become(decisions)
     gusts = _gusts(accepted, start, nominal_gusts)
     return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
 

@@ -16,8 +16,8 @@ import pandas as pd
 from ges.conventions import (
     BODY_RATE,
     POSITION,
-    REFERENCE,
     QUATERNION,
+    REFERENCE,
     SPECIFIC_FORCE,
     VELOCITY,
 )
