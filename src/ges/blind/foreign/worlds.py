@@ -30,7 +30,7 @@ from ges.blind.foreign import (
     rotorpy,
     second,
 )
-from ges.blind.foreign.sets import OffPath, Place, Sources, check_half, half_of
+from ges.blind.foreign.sets import NoSet, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import tree_hash, write_json
@@ -297,7 +297,7 @@ def _run(
 ) -> Iterator[tuple[Sets, str]]:
     """Make batches, those of one environment in one pool.
 
-    Yield each, and why not all of it could be flown.
+    Yield each, and why not all of it could be made.
     """
     environments = {tuple(sorted(world.environment.items())) for world, _ in jobs}
     for environment in sorted(environments):
@@ -337,11 +337,11 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 def _make(world: str, out: Path, batch: Sets, places: Sources) -> str:
     """Make a batch in a folder of its own: some simulators leave logs where they are started.
 
-    Return why not all of it could be flown; nothing where it could.
+    Return why not all of it could be made; nothing where it could.
     """
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         try:
             WORLDS[world].make(out, batch, places)
-        except OffPath as why:
+        except NoSet as why:
             return str(why)
     return ""
