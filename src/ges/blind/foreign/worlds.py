@@ -304,7 +304,7 @@ def _run(
         waiting = [job for job in jobs if tuple(sorted(job[0].environment.items())) == environment]
         # spawned, not forked: libraries read these variables when they are imported
         spawn = multiprocessing.get_context("spawn")
-        with _environment(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
+        with environment_of(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
             running: dict[Future, Sets] = {}
             while waiting or running:
                 # no more is begun than runs at once, so that little is under way at the deadline
@@ -320,8 +320,13 @@ def _run(
 
 
 @contextlib.contextmanager
-def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Set variables for processes that are started meanwhile."""
+def environment_of(values: Mapping[str, str]) -> Iterator[None]:
+    """Set variables for processes that are started meanwhile.
+
+    Parameters
+    ----------
+    values : of the variables by name; afterwards they are as before.
+    """
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
