@@ -289,6 +289,12 @@ def test_the_sealed_law_of_a_stranger_is_what_acts(name):
     assert (truth["verdict"], truth["category"]) == ("unknown", "unknown")
 
 
+def test_rotorpy_gusts_without_torch_are_a_set_that_cannot_be_made(monkeypatch):
+    monkeypatch.setattr(rotorpy.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(sets.NoSet, match="torch, which is not installed"):
+        rotorpy._dryden(1.0, 0.005, np.random.default_rng(0))
+
+
 def test_rotorpy_gusts_have_the_same_size_whatever_the_step():
     pytest.importorskip("rotorpy", reason="the extra 'simulators' is not installed")
     rng, sizes = np.random.default_rng(0), []

@@ -24,6 +24,7 @@ FLOORS = (
     {"ui"},
     {"commands"},
     {"cli"},
+    {"__main__"},
 )
 """From the ground up."""
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

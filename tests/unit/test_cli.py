@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from ges import __version__
 from ges.cli import INTERRUPTED, cli, main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,6 +32,12 @@ def test_fixed_verbs_are_there(verb):
 
 def run(*words: str) -> subprocess.CompletedProcess:
     return subprocess.run([GES, *words], capture_output=True, text=True, cwd=ROOT)
+
+
+def test_the_package_runs_as_a_module():
+    words = [sys.executable, "-m", "ges", "--version"]
+    result = subprocess.run(words, capture_output=True, text=True, cwd=ROOT)
+    assert result.returncode == 0 and __version__ in result.stdout
 
 
 @pytest.mark.parametrize(

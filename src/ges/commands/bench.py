@@ -17,6 +17,7 @@ import click
 import numpy as np
 
 from ges.commands import PATH
+from ges.errors import UsageError
 from ges.simulator import effects, manoeuvres
 from ges.simulator import flight as sim
 from ges.simulator.terrain import Terrain
@@ -226,6 +227,28 @@ def _bench_diagnosis(duration: float, repeats: int) -> list[dict]:
     return [case]
 
 
+def _bench_peers(repeats: int) -> list[dict]:
+    """Time other people's simulators beside ours on one vehicle, those that are installed."""
+    from ges.blind.foreign.peers import PEERS, lift_of
+
+    lift = lift_of()
+    cases: list[dict] = []
+    for peer in PEERS:
+        if why := peer.missing():
+            click.echo(f"{peer.name} is left out: {why}", err=True)
+            continue
+        speed = peer.steps_per_s(lift, repeats)
+        # ours comes first
+        ours = cases[0]["steps_per_s"] if cases else speed
+        case = {"case": peer.name, "abreast": peer.abreast, "steps_per_s": speed}
+        cases.append({**case, "over_ours": speed / ours})
+        click.echo(
+            f"{speed / 1e6:8.3f} million steps/s  {speed / ours:9.5f} x one flight of ours "
+            f" {peer.abreast:3d} abreast  {peer.name}"
+        )
+    return cases
+
+
 BENCHES = {"sim": _bench_sim, "diagnosis": _bench_diagnosis}
 
 
@@ -237,8 +260,13 @@ BENCHES = {"sim": _bench_sim, "diagnosis": _bench_diagnosis}
 @click.option(
     "--repeats", default=5, show_default=True, help="Runs of each case; the fastest counts."
 )
+@click.option(
+    "--peers",
+    is_flag=True,
+    help="sim: other people's simulators beside ours on one vehicle (extra 'simulators').",
+)
 @click.option("--out", type=PATH, help="Write the figures here as JSON.")
-def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
+def command(what: str, duration: float, repeats: int, peers: bool, out: Path | None) -> None:
     """Measure how fast the simulator or the diagnosis is.
 
     sim: steps per second and core, for one flight and for lanes, beside cheaper kernels for scale.
@@ -247,9 +275,13 @@ def command(what: str, duration: float, repeats: int, out: Path | None) -> None:
 
     Example: ges bench sim --out bench.json
 
+    Example: ges bench sim --peers
+
     Example: ges bench diagnosis --duration 60 --repeats 1
     """
-    cases = BENCHES[what](duration, repeats)
+    if peers and what != "sim":
+        raise UsageError("--peers compares simulators; it goes with 'ges bench sim'")
+    cases = _bench_peers(repeats) if peers else BENCHES[what](duration, repeats)
     if out:
         machine = {
             "processor": platform.machine(),

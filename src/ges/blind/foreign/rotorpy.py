@@ -7,13 +7,14 @@ from the wrench that RotorPy itself computes along the flown path with and witho
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one
+from ges.blind.foreign.sets import Concealed, Design, NoSet, OffPath, Place, one_by_one
 from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import NOTHING, TrueFlight
 
@@ -406,6 +407,9 @@ def _dryden(size: float, step_s: float, rng: np.random.Generator) -> Any:
     Their intensity is that of white noise of one step. The gusts' own sd falls with the root of the
     step, which is made up for here.
     """
+    # RotorPy is installed without it, and imports it for these gusts alone
+    if importlib.util.find_spec("torch") is None:
+        raise NoSet("RotorPy's Dryden gusts need torch, which is not installed; pip install torch")
     from rotorpy.wind.dryden_winds import DrydenGust
 
     # these gusts draw from numpy's global stream

@@ -65,8 +65,12 @@ def check_half(half: str, seed: int) -> None:
         )
 
 
-class OffPath(GesError):
-    """A vehicle left its path however gently it was flown: there is no such set."""
+class NoSet(GesError):
+    """A set cannot be made here; the other sets of its world can."""
+
+
+class OffPath(NoSet):
+    """A vehicle left its path however gently it was flown."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from ges.blind.foreign import (
     rotorpy,
     second,
 )
-from ges.blind.foreign.sets import OffPath, Place, Sources, check_half, half_of
+from ges.blind.foreign.sets import NoSet, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
 from ges.files import tree_hash, write_json
@@ -297,14 +297,14 @@ def _run(
 ) -> Iterator[tuple[Sets, str]]:
     """Make batches, those of one environment in one pool.
 
-    Yield each, and why not all of it could be flown.
+    Yield each, and why not all of it could be made.
     """
     environments = {tuple(sorted(world.environment.items())) for world, _ in jobs}
     for environment in sorted(environments):
         waiting = [job for job in jobs if tuple(sorted(job[0].environment.items())) == environment]
         # spawned, not forked: libraries read these variables when they are imported
         spawn = multiprocessing.get_context("spawn")
-        with _environment(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
+        with environment_of(dict(environment)), ProcessPoolExecutor(processes, spawn) as pool:
             running: dict[Future, Sets] = {}
             while waiting or running:
                 # no more is begun than runs at once, so that little is under way at the deadline
@@ -320,8 +320,13 @@ def _run(
 
 
 @contextlib.contextmanager
-def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Set variables for processes that are started meanwhile."""
+def environment_of(values: Mapping[str, str]) -> Iterator[None]:
+    """Set variables for processes that are started meanwhile.
+
+    Parameters
+    ----------
+    values : of the variables by name; afterwards they are as before.
+    """
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
@@ -337,11 +342,11 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 def _make(world: str, out: Path, batch: Sets, places: Sources) -> str:
     """Make a batch in a folder of its own: some simulators leave logs where they are started.
 
-    Return why not all of it could be flown; nothing where it could.
+    Return why not all of it could be made; nothing where it could.
     """
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         try:
             WORLDS[world].make(out, batch, places)
-        except OffPath as why:
+        except NoSet as why:
             return str(why)
     return ""

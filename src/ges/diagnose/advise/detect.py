@@ -148,19 +148,17 @@ def expected_evidence(
     return 0.5 * np.array([h @ h for h in half]), float(np.log(np.diag(chol)).sum())
 
 
-def _size_exceeding(price: float, per_square: float) -> float:
+def _size_exceeding(price: float, per_square: float, power_sds: float, weight: float) -> float:
     """Return the size at which evidence ``per_square size^2`` exceeds a price.
 
-    It has to do so in most sets of flights. Its noise grows with the size.
-
-    Its noise grows with the size.
+    It has to do so in most sets of flights, whose share is that of a normal below ``power_sds``.
+    Its noise grows with the size, and with the weight of every row.
     """
     if per_square <= 0.0:
         return np.inf if price > 0.0 else 0.0
-    weight = settings.evidence.tempering
     # the larger root of g size^2 - z sqrt(2 w g) size = price: evidence has the sd
     # sqrt(2 w g) size, and half = z sqrt(w / (2 g))
-    half = ndtri(settings.advise.power) * math.sqrt(weight / (2.0 * per_square))
+    half = power_sds * math.sqrt(weight / (2.0 * per_square))
     square = half**2 + price / per_square
     return half + math.sqrt(square) if square >= 0.0 else 0.0
 
@@ -175,13 +173,14 @@ def _detectable_size(
     Infinite, with the name of the effect that hides it, where one does.
     """
     gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
+    noise = float(ndtri(settings.advise.power)), settings.evidence.tempering
     price, rarity = log_odds + shape.cost, log_odds_against_one_of(count)
     # against nothing: there its number may move as a nuisance, at a price that its prior sets
     shown = max(float(shape.over[truth]), settings.numerics.tiny)
-    worst, hidden = _size_exceeding(price + rarity, shown), ""
+    worst, hidden = _size_exceeding(price + rarity, shown, *noise), ""
     for other in (s for s in others if s.name != shape.name):
         # against a rival: it takes up a part of the gain, and pays for its own freedom
-        size = _size_exceeding(price - other.cost, gain - float(other.gain[truth]))
+        size = _size_exceeding(price - other.cost, gain - float(other.gain[truth]), *noise)
         if size > worst:
             worst, hidden = size, other.name
     return worst, hidden

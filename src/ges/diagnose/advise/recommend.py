@@ -277,10 +277,8 @@ def rank(
         # from
         if len(flown) < len(simulated):
             continue
-        after = [
-            _log_evidence(regression, past + _gram(regression, f, keep), keep, rivals)
-            for f in flown
-        ]
+        grams = each(lambda f: _gram(regression, f, keep), flown)
+        after = [_log_evidence(regression, past + gram, keep, rivals) for gram in grams]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         # what would still be open although it were true
         still_open = tuple(

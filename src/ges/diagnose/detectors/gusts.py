@@ -16,6 +16,7 @@ way.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -127,27 +128,43 @@ class _EquivalentWind:
     wind : (M, 2) wind east and north that would make the residual, m/s.
     regressors : (M, 2, k) what else looks like it, as wind.
     precision : (k,) of the coefficients' priors.
-    stretches : windows of every stretch of time.
-    parts : shorter means in a stretch.
     """
 
     wind: np.ndarray
     regressors: np.ndarray
     precision: np.ndarray
-    stretches: Sequence[np.ndarray]
-    parts: int
 
     def without_regressors(self, wind: np.ndarray) -> np.ndarray:
         """Return wind (M, 2) less what the regressors explain, with equal noise in every window."""
         x = self.regressors.reshape(-1, self.regressors.shape[2])
-        variance = max(float(np.var(self.wind)), settings.numerics.tiny)
         # singular where a column is nothing, as the profile's without a height: so lstsq
-        gram = x.T @ x + np.diag(variance * self.precision)
-        return wind - self.regressors @ np.linalg.lstsq(gram, x.T @ wind.ravel(), rcond=None)[0]
+        coefficients = np.linalg.lstsq(self._normal_matrix, x.T @ wind.ravel(), rcond=None)[0]
+        return wind - self.regressors @ coefficients
+
+    @functools.cached_property
+    def _normal_matrix(self) -> np.ndarray:
+        """Products of the regressors, with their priors in units of the noise, (k, k)."""
+        x = self.regressors.reshape(-1, self.regressors.shape[2])
+        variance = max(float(np.var(self.wind)), settings.numerics.tiny)
+        return x.T @ x + np.diag(variance * self.precision)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Stretches:
+    """Stretches of time of one length.
+
+    Attributes
+    ----------
+    windows : of every stretch, numbered among those of all flights.
+    parts : shorter means in a stretch.
+    """
+
+    windows: Sequence[np.ndarray]
+    parts: int
 
     def means(self, wind: np.ndarray) -> np.ndarray:
-        """Return the mean of every stretch, (s, 2)."""
-        return np.array([wind[at].mean(axis=0) for at in self.stretches])
+        """Return the mean wind (M, 2) of every stretch, (s, 2)."""
+        return np.array([wind[at].mean(axis=0) for at in self.windows])
 
     def noise(self, wind: np.ndarray) -> float:
         """Return the variance of such a mean, from the scatter of shorter means."""
@@ -155,10 +172,27 @@ class _EquivalentWind:
             np.array(
                 [wind[part].mean(axis=0) for part in np.array_split(at, min(self.parts, len(at)))]
             )
-            for at in self.stretches
+            for at in self.windows
         ]
         # the mean of n independent means has their variance over n
         return float(np.mean([m.var(axis=0, ddof=1) / len(m) for m in shorter]))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Excess:
+    """What the means of stretches scatter beyond the noise of their shorter means.
+
+    Attributes
+    ----------
+    stretches : of one length.
+    slow, noise : variance of the means, and what the noise makes of it.
+    chance : probability that noise alone scatters so.
+    """
+
+    stretches: _Stretches
+    slow: float
+    noise: float
+    chance: float
 
 
 def shows_moving_air(effects: effect_table.Effects) -> bool:
@@ -192,15 +226,16 @@ def find_gusts(
     forces = _force_windows(system, joint, channels)
     if not forces:
         return None
-    # of several scales the one on which they stand out most
-    by_ratio = [
-        (ratio, gusts)
-        for length_s in _stretch_lengths_s(forces)
-        for ratio, gusts in _gusts_on(length_s, forces, system.model)
-    ]
-    if not by_ratio:
+    equivalent = _equivalent_wind(forces, system.model)
+    wind = equivalent.without_regressors(equivalent.wind)
+    lengths_s = _stretch_lengths_s(forces)
+    on_each = [_excess_on(length_s, forces, wind, len(lengths_s)) for length_s in lengths_s]
+    excesses = [excess for excess in on_each if excess]
+    if not excesses:
         return None
-    _, gusts = max(by_ratio, key=lambda pair: pair[0])
+    # of several scales the one on which they stand out most
+    clearest = max(excesses, key=lambda excess: excess.slow / excess.noise)
+    gusts = _gusts_of_excess(clearest, equivalent, forces, system.model)
     # no news unless clearly stronger than the gusts that are known already
     expected = (
         0.0
@@ -225,26 +260,26 @@ def _parts() -> int:
     return round(settings.statistics.block_s / settings.design.response_slowest_s)
 
 
-def _gusts_on(
-    length_s: float, forces: Sequence[_ForceWindows], model: Model
-) -> list[tuple[float, Gusts]]:
-    """Return variance ratio and gusts on stretches of this length; nothing where none are."""
-    equivalent = _equivalent_wind(forces, model, length_s)
-    if not equivalent.stretches:
-        return []
-    residual_wind = equivalent.without_regressors(equivalent.wind)
-    slow = float(np.mean(equivalent.means(residual_wind) ** 2))
-    noise = equivalent.noise(residual_wind)
+def _excess_on(
+    length_s: float, forces: Sequence[_ForceWindows], wind: np.ndarray, scales: int
+) -> _Excess | None:
+    """Return how much wind (M, 2) scatters on stretches of this length; None where it is noise."""
+    first = np.cumsum([0, *(len(f.at) for f in forces)])
+    windows = [
+        k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f, length_s)
+    ]
+    if not windows:
+        return None
+    stretches = _Stretches(windows, _parts())
+    slow, noise = float(np.mean(stretches.means(wind) ** 2)), stretches.noise(wind)
     if slow < settings.detect.gust_variance_ratio * noise:
-        return []
+        return None
     # F test: two axes of every stretch against what its shorter means have about their own mean
-    count = 2 * len(equivalent.stretches)
-    chance = float(fdtrc(count, count * (equivalent.parts - 1.0), slow / noise))
+    count = 2 * len(windows)
+    chance = float(fdtrc(count, count * (stretches.parts - 1.0), slow / noise))
     # Bonferroni over the scales
-    chance = min(1.0, chance * len(_stretch_lengths_s(forces)))
-    if chance > settings.statistics.chance:
-        return []
-    return [(slow / noise, _gusts_of_excess(slow - noise, chance, equivalent, forces, model))]
+    chance = min(1.0, chance * scales)
+    return _Excess(stretches, slow, noise, chance) if chance <= settings.statistics.chance else None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -292,11 +327,8 @@ def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> lis
     return forces
 
 
-def _equivalent_wind(
-    forces: Sequence[_ForceWindows], model: Model, length_s: float
-) -> _EquivalentWind:
-    """Join the force windows of all flights, with regressors and stretches of this length."""
-    first = np.cumsum([0, *(len(f.at) for f in forces)])
+def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _EquivalentWind:
+    """Join the force windows of all flights, with regressors."""
     # wind, profile and drag may be anything; a trim is a tilt within its prior sd, a share of
     # weight
     tilt = effect_table.get("attitude_bias").parameters[0].prior
@@ -305,8 +337,6 @@ def _equivalent_wind(
         np.concatenate([f.wind for f in forces]),
         np.concatenate([_regressors(f, i, len(forces)) for i, f in enumerate(forces)]),
         np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
-        [k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f, length_s)],
-        _parts(),
     )
 
 
@@ -347,11 +377,7 @@ def _stretches(forces: _ForceWindows, length_s: float) -> list[np.ndarray]:
 
 
 def _gusts_of_excess(
-    excess: float,
-    chance: float,
-    equivalent: _EquivalentWind,
-    forces: Sequence[_ForceWindows],
-    model: Model,
+    excess: _Excess, equivalent: _EquivalentWind, forces: Sequence[_ForceWindows], model: Model
 ) -> Gusts:
     """Return gusts that make this excess variance of the means, by the compiled effect."""
     winds = [
@@ -359,18 +385,19 @@ def _gusts_of_excess(
         for draw in zip(*(_unit_gust_winds(f, model, i) for i, f in enumerate(forces)), strict=True)
     ]
     variances = np.array(
-        [np.mean(equivalent.means(equivalent.without_regressors(wind)) ** 2) for wind in winds]
+        [np.mean(excess.stretches.means(equivalent.without_regressors(w)) ** 2) for w in winds]
     )
+    variance = excess.slow - excess.noise
     # wind goes with the strength, its variance with the square: hence a root, and half the error
-    strength = float(np.sqrt(excess / variances.mean()))
+    strength = float(np.sqrt(variance / variances.mean()))
     # both axes blow independently: squares of what each pushes add up
     push_2 = np.concatenate([(f.force_per_wind**2).sum(axis=2) for f in forces]).mean()
     return Gusts(
         strength,
         0.5 * float(variances.std() / variances.mean()),
-        float(np.sqrt(excess * push_2)),
+        float(np.sqrt(variance * push_2)),
         model.weight_N,
-        chance,
+        excess.chance,
     )
 
 

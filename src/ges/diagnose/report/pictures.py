@@ -81,14 +81,19 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
     """
     out = io.BytesIO()
     with mpl.rc_context(STYLE):
-        figure.savefig(out, format="png", dpi=dpi, metadata={"Software": None})
+        of_screen = figure.dpi
+        figure.set_dpi(dpi)
+        # laid out without the drawing that savefig would throw away
+        if engine := figure.get_layout_engine():
+            engine.execute(figure)
+            figure.set_layout_engine("none")
+        FigureCanvasAgg(figure).print_png(out, metadata={"Software": None})
+        figure.set_dpi(of_screen)
     return out.getvalue()
 
 
 def pdf(figure: Figure) -> bytes:
     """Write the figure, laid out by :func:`png`, as PDF, the same bytes every time."""
-    # half of the time to draw a figure is its layout
-    figure.set_layout_engine("none")
     out = io.BytesIO()
     # no date and no program's name: the same figure is the same bytes
     with mpl.rc_context(STYLE):
