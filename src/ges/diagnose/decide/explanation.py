@@ -80,12 +80,18 @@ def explain_flights(
         moved = relinearise(start, nominal, effects)
         decisions = DecisionLog()
         again = accept(moved.regression, decisions) if moved else None
-        # what is accepted there has to lead there, too, or to be the number that moved
-        if moved and again and again.fitted:
-            numbers = {f"{e}.{p}" for e, p in again.fitted.free} & set(moved.system.nuisances)
-            if numbers or relinearise(start, nominal, again.fitted.effects):
-                start, accepted = moved, again
+        if moved and again:
+            fitted = again.fitted
+            # what is accepted there has to lead there, too, or to be the number that moved
+            free = {f"{e}.{p}" for e, p in fitted.free} if fitted else set()
+            leads_there = free & set(moved.system.nuisances) or relinearise(
+                start, nominal, fitted.effects if fitted else {}
+            )
+            if leads_there:
+                accepted = again
                 record.become(decisions)
+                # without names the recalibrated vehicle is what there is
+                start = moved if fitted else start
     gusts = _gusts(accepted, start, nominal_gusts)
     return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
 
