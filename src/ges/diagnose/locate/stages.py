@@ -150,7 +150,9 @@ def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> 
     whole = whole or build(flights, there, (), length_s=system.length_s)
     # an effect may have numbers of its own to correct
     fitted = null_fit(whole)[1].common
-    corrections = {key: value for key, value in fitted.items() if key in system.nuisances}
+    # trims are no numbers of the file: what a rotor lost would be taken for where it was
+    declared = set(system.nuisances) & set(nominal.prior_sds)
+    corrections = {key: value for key, value in fitted.items() if key in declared}
     far = (
         abs(value - system.model.corrections.get(key, 0.0))
         > SDS_95 * nuisance_of(system.columns[system.nuisances[key]]).sd
