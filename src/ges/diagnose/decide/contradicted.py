@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 from ges.diagnose.decide.rules import SIGNIFICANT
 from ges.diagnose.decide.sizes import least_sizes
-from ges.diagnose.design.system import System, nuisance_of
+from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import JointFit
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
@@ -128,7 +128,7 @@ def contradicted_parameters(
         for key, value in joint.common.items()
         # with what the recording adds to the file's own sd, as how long a command was held
         if key in model.prior_sds
-        and (sd := nuisance_of(system.columns[system.nuisances[key]]).sd)
+        and (sd := system.prior_sd(key))
         and ParameterKey.of(key).effect not in {*but, *at_bound}
         # certain alone is not enough: a number known to a hair may be off by what matters nowhere
         and abs(value) > settings.statistics.certain_sds * sd

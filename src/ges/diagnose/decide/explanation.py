@@ -23,7 +23,7 @@ from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
-from ges.diagnose.locate.stages import Stage, Start, make_stage, relinearise
+from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
@@ -73,27 +73,37 @@ def explain_flights(
     """
     accepted = accept(start.regression, record, only)
     if accepted.fitted is not None and only is None:
-        # of what carries most evidence alone: what stands beside it may only make up for the place
-        singles = (h for h in accepted.result.hypotheses if len(h.names) == 1)
-        strongest = next((h.names[0] for h in singles if h.names[0] in accepted.names), None)
-        effects = {n: v for n, v in accepted.fitted.effects.items() if n == strongest}
-        moved = relinearise(start, nominal, effects)
-        decisions = DecisionLog()
-        again = accept(moved.regression, decisions) if moved else None
-        if moved and again:
-            fitted = again.fitted
-            # what is accepted there has to lead there, too, or to be the number that moved
-            free = {f"{e}.{p}" for e, p in fitted.free} if fitted else set()
-            leads_there = free & set(moved.system.nuisances) or relinearise(
-                start, nominal, fitted.effects if fitted else {}
-            )
-            if leads_there:
-                accepted = again
-                record.become(decisions)
-                # without names the recalibrated vehicle is what there is
-                start = moved if fitted else start
+        start, accepted = _accept_where_numbers_are(start, accepted, nominal, record)
     gusts = _gusts(accepted, start, nominal_gusts)
     return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
+
+
+def _accept_where_numbers_are(
+    start: Start, accepted: Accepted, nominal: Model, record: DecisionLog
+) -> tuple[Start, Accepted]:
+    """Search again where the strongest name puts the nominal parameters, if that is far.
+
+    Both arguments come back where they are not, or where what is accepted there leads elsewhere.
+    """
+    # of what carries most evidence alone: what stands beside it may only make up for the place
+    singles = (h for h in accepted.result.hypotheses if len(h.names) == 1)
+    strongest = next((h.names[0] for h in singles if h.names[0] in accepted.names), None)
+    effects = {n: v for n, v in accepted.fit.effects.items() if n == strongest}
+    moved = relinearise(start, nominal, effects)
+    if moved is None:
+        return start, accepted
+    decisions = DecisionLog()
+    again = accept(moved.regression, decisions)
+    fitted = again.fitted
+    # what is accepted there has to lead there, too, or to be the number that moved
+    leads_there = (fitted and fitted.frees_nuisance_of(moved.system)) or far_corrections(
+        start, nominal, fitted.effects if fitted else {}
+    )
+    if not leads_there:
+        return start, accepted
+    record.become(decisions)
+    # without names the recalibrated vehicle is what there is
+    return (moved if fitted else start), again
 
 
 def explanation_of(

@@ -82,8 +82,7 @@ def add_laws(
     """
     # a nominal parameter that was named would be a nuisance again with a law, and move twice
     before = explanation.accepted.fitted
-    corrected = {n.key for c in start.system.columns if (n := c.nuisance)}
-    if before and any(f"{e}.{p}" in corrected for e, p in before.free):
+    if before and before.frees_nuisance_of(start.system):
         return explanation, unexplained, []
     forms = {
         channel: (form, structure)

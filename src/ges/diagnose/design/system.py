@@ -274,6 +274,15 @@ class System:
         """Columns of the nuisances by ``effect.parameter``."""
         return {c.key: k for k, c in enumerate(self.columns) if c.nuisance is not None}
 
+    def prior_sd(self, key: str) -> float:
+        """Return the prior sd of a nuisance, in the unit of its parameter.
+
+        Parameters
+        ----------
+        key : ``effect.parameter``, of :attr:`nuisances`.
+        """
+        return nuisance_of(self.columns[self.nuisances[key]]).sd
+
     @property
     def main(self) -> tuple[str, ...]:
         """Channels under the plain average, which are reported and drawn."""

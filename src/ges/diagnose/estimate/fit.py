@@ -278,6 +278,15 @@ class Fitted:
     joint_free_moments: JointFit
     regression: Regression
 
+    def frees_nuisance_of(self, system: System) -> bool:
+        """Return whether some fitted parameter is a nuisance of a system.
+
+        Parameters
+        ----------
+        system : of the flights, without these effects.
+        """
+        return not {f"{e}.{p}" for e, p in self.free}.isdisjoint(system.nuisances)
+
     def sd(self, effect: str, parameter: str) -> float:
         """Return the standard deviation of a fitted parameter.
 

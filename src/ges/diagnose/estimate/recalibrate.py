@@ -60,7 +60,9 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     # a number beyond its prior is no correction: the search tells what it is, from the file. Where
     # not even most of the linear step holds it multiplies others, and moves with them
     most = settings.statistics.certain_sds
-    within = {k: v for k, v in corrections.items() if abs(v) <= most * _prior_sd(regression, k)}
+    within = {
+        k: v for k, v in corrections.items() if abs(v) <= most * regression.system.prior_sd(k)
+    }
     return within if mostly_linear else corrections
 
 
@@ -136,12 +138,6 @@ def _step(regression: Regression, joint: JointFit) -> dict[str, float]:
     """Return the step from the present corrections to the optimum of the linearisation."""
     corrections = regression.system.model.corrections
     return {key: value - corrections.get(key, 0.0) for key, value in joint.common.items()}
-
-
-def _prior_sd(regression: Regression, key: str) -> float:
-    """Return the prior sd of a nuisance, ``effect.parameter``."""
-    system = regression.system
-    return nuisance_of(system.columns[system.nuisances[key]]).sd
 
 
 def _stopped_at_bound(regression: Regression, joint: JointFit) -> bool:

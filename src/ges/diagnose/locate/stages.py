@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.conventions import SDS_95
-from ges.diagnose.design.system import System, build, nuisance_of, window_length_s
+from ges.diagnose.design.system import System, build, window_length_s
 from ges.diagnose.detectors.balance import without_mean_balance
 from ges.diagnose.estimate.fit import (
     JointFit,
@@ -144,24 +144,42 @@ def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> 
     A nominal parameter and an effect multiply each other: an inertia divides the moments of a drag.
     About a place that is far off, the search needs other names to make up for that.
     """
-    flights, system = start.system.recordings, start.system
+    corrections = far_corrections(start, nominal, effects)
+    if not corrections:
+        return None
+    moved = first_system(start.system.recordings, at_corrections(nominal, corrections))
+    return dataclasses.replace(start, regression=make_regression(moved))
+
+
+def far_corrections(
+    start: Start, nominal: Model, effects: effect_table.Effects
+) -> dict[str, float]:
+    """Return the corrections of nominal parameters that flights ask for with effects.
+
+    Parameters
+    ----------
+    start, nominal, effects : as for :func:`relinearise`.
+
+    Returns
+    -------
+    By ``effect.parameter``, in its unit; empty where none is beyond 95 % of its prior from where
+    the search is linearised.
+    """
+    system, flights = start.system, start.system.recordings
     there, whole = _linearisation(flights, nominal.with_effects(effects))
     # the last system is about the corrections before the last step
     whole = whole or build(flights, there, (), length_s=system.length_s)
     # an effect may have numbers of its own to correct
     fitted = null_fit(whole)[1].common
     # trims are no numbers of the file: what a rotor lost would be taken for where it was
-    declared = set(system.nuisances) & set(nominal.prior_sds)
-    corrections = {key: value for key, value in fitted.items() if key in declared}
-    far = (
-        abs(value - system.model.corrections.get(key, 0.0))
-        > SDS_95 * nuisance_of(system.columns[system.nuisances[key]]).sd
+    of_file = set(system.nuisances) & set(nominal.prior_sds)
+    corrections = {key: value for key, value in fitted.items() if key in of_file}
+    before = system.model.corrections
+    far = any(
+        abs(value - before.get(key, 0.0)) > SDS_95 * system.prior_sd(key)
         for key, value in corrections.items()
     )
-    if not any(far):
-        return None
-    moved = first_system(flights, at_corrections(nominal, corrections))
-    return dataclasses.replace(start, regression=make_regression(moved))
+    return corrections if far else {}
 
 
 def _linearisation(flights: Sequence[Prepared], nominal: Model) -> tuple[Model, System | None]:
