@@ -415,15 +415,7 @@ def gusty(flown, vehicle):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "strength_m_s",
-    [
-        2.5,
-        pytest.param(
-            8.0, marks=pytest.mark.xfail(reason="a wind or a tilt of 2 % is open beside them")
-        ),
-    ],
-)
+@pytest.mark.parametrize("strength_m_s", [2.5, 8.0])
 def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_s, gusty, vehicle):
     found = ges.diagnose(gusty(strength_m_s), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == {"rotor_drag", "gusts"}, found.sentence

@@ -50,7 +50,24 @@ def _wind_and_its_drag(
     return dataclasses.replace(system, flights=(dataclasses.replace(rows, y=y),))
 
 
+GUSTS = Gusts(5.0, 0.1, 2.0, 0.3, 9.8, 1e-4)
 JOINT = JointFit(*[np.zeros(0)] * 3, 0.0, {}, {}, ({},))
+
+
+def test_the_mean_wind_of_a_flight_is_a_nuisance_and_part_of_the_gusts():
+    effects = {"rotor_drag": {"k_kg": DRAG_KG}, "payload": {"mass_kg": 0.1}}
+    blown = GUSTS.blow_in(MODEL, effects)
+    assert set(blown.act_through) == {"rotor_drag"}
+    system = build([hovering(DURATION_S)], blown, [])
+    k = system.nuisances["wind.east_m_s"]
+    assert (system.columns[k].nuisance.sd, system.columns[k].nuisance.flight_sd) == (0.0, 2.0)
+    (rows,) = system.flights
+    # through the drag that is given, not on: a metre per second pushes by the drag of hover
+    push = rows.x.of(system.names.index(FORCE[0]), [k])[:, 0]
+    assert push == pytest.approx(DRAG_KG * 4.0 * MODEL.hover_rad_s, rel=1e-3)
+    winds = ({"wind.east_m_s": 3.0, "wind.north_m_s": -1.0},)
+    plain = find_gusts(_wind_and_its_drag(2.0), JOINT)
+    assert find_gusts(_wind_and_its_drag(2.0), dataclasses.replace(JOINT, by_flight=winds)) == plain
 
 
 @functools.lru_cache
@@ -117,9 +134,6 @@ def test_a_wind_over_rough_ground_is_slower_below(height_m):
     rough = wind_speed_m_s(system, "wind", {**calm, "roughness_m": 0.03})
     share = math.log(height_m / 0.03) / math.log(10.0 / 0.03)
     assert rough == pytest.approx(5.0 * share, rel=0.05)
-
-
-GUSTS = Gusts(5.0, 0.1, 0.3, 9.8, 1e-4)
 
 
 def test_a_strength_is_known_by_a_factor():

@@ -23,8 +23,16 @@ from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
-from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
+from ges.diagnose.locate.stages import (
+    Stage,
+    Start,
+    far_corrections,
+    first_system,
+    make_stage,
+    relinearise,
+)
 from ges.diagnose.locate.structure import Structure
+from ges.diagnose.select.evidence import make_regression
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 
@@ -75,6 +83,8 @@ def explain_flights(
     if accepted.fitted is not None and only is None:
         start, accepted = _accept_where_numbers_are(start, accepted, nominal, record)
     gusts = _gusts(accepted, start, nominal_gusts)
+    if gusts and accepted.fitted is not None and only is None:
+        start, accepted, gusts = _accept_in_gusts(start, accepted, gusts, nominal_gusts, record)
     return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
 
 
@@ -104,6 +114,28 @@ def _accept_where_numbers_are(
     record.become(decisions)
     # without names the recalibrated vehicle is what there is
     return (moved if fitted else start), again
+
+
+def _accept_in_gusts(
+    start: Start,
+    accepted: Accepted,
+    gusts: Gusts,
+    nominal_gusts: Mapping[str, float] | None,
+    record: DecisionLog,
+) -> tuple[Start, Accepted, Gusts]:
+    """Search again with a mean wind of each flight, as large as the gusts make it.
+
+    Where no drag is accepted with them, all comes back as it was.
+    """
+    blown = gusts.blow_in(start.system.model, accepted.fit.effects)
+    decisions = DecisionLog()
+    regression = make_regression(first_system(start.system.recordings, blown))
+    again = accept(regression, decisions)
+    still = _gusts(again, start, nominal_gusts)
+    if not still:
+        return start, accepted, gusts
+    record.become(decisions)
+    return dataclasses.replace(start, regression=regression), again, still
 
 
 def explanation_of(

@@ -36,7 +36,7 @@ from ges.diagnose.design.weak import (
     blocks_of,
     make_windows,
 )
-from ges.diagnose.library.candidates import Variant
+from ges.diagnose.library.candidates import Variant, has_prerequisite
 from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.channels import MOMENT, channels, drive
@@ -59,6 +59,7 @@ class Nuisance:
     sd : prior sd over vehicles.
     flight_sd : sd from flight to flight.
     mean : prior mean of the correction.
+    given : effects that it acts through, which are not on.
     """
 
     effect: str
@@ -67,6 +68,7 @@ class Nuisance:
     sd: float
     flight_sd: float
     mean: float = 0.0
+    given: effect_table.Effects = dataclasses.field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -103,7 +105,7 @@ class DesignColumn:
     def recipe(self) -> tuple:
         """What the column is computed from; columns of one recipe differ in their parts."""
         if self.nuisance is not None:
-            return (self.nuisance,)
+            return (self.nuisance.key,)
         v = variant_of(self)
         return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.given)
 
@@ -335,6 +337,10 @@ def nuisances(
         sd = model.prior_sds.get(SPEED, 0.0)
         effect, parameter = ParameterKey.of(SPEED)
         listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=0.0))
+    for key, sd in model.flight_sds.items():
+        effect, parameter = ParameterKey.of(key)
+        given = {} if has_prerequisite(effect, model.effects) else model.act_through
+        listed.append(Nuisance(effect, parameter, step=sd, sd=0.0, flight_sd=sd, given=given))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
 
@@ -436,7 +442,9 @@ def _reference(model: Model, column: DesignColumn) -> dict:
     Empty where they do nothing.
     """
     variant = column.variant
-    if variant is None or variant.effect in model.effects:
+    if variant is None:
+        return dict(nuisance_of(column).given)
+    if variant.effect in model.effects:
         return {}
     neutral = {**variant.given, variant.effect: variant.parameters({})}
     return neutral if affects_drive(neutral) or variant.given else {}
@@ -445,7 +453,8 @@ def _reference(model: Model, column: DesignColumn) -> dict:
 def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
-        return _step_parameter(model, n.effect, {}, n.parameter, n.step)
+        stepped, step = _step_parameter(model, n.effect, {}, n.parameter, n.step)
+        return {**n.given, **stepped}, step
     variant = variant_of(column)
     a = variant.amplitudes[column.amplitude]
     values = variant.parameters({}) if variant.effect not in model.effects else {}

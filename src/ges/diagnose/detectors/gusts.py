@@ -36,7 +36,7 @@ from ges.simulator import effects as effect_table
 
 HANGING = ("tether", "slung_load")
 """What the vehicle may have hanging."""
-GUSTS, AXES = "gusts", ("east_m_s", "north_m_s")
+GUSTS, WIND = "gusts", ("east_m_s", "north_m_s")
 STRENGTH = "wind_20ft_m_s"
 WIND_M_S = ("wind_x_m_s", "wind_y_m_s")
 PUSHED = frozenset({"force_x", "force_y", "acc_x", "acc_y"})
@@ -53,11 +53,13 @@ class Gusts:
     relative_sd : relative standard deviation of the strength.
     force_N : their rms force.
     weight_N : of the vehicle.
+    mean_wind_sd_m_s : sd of the mean wind of a flight.
     chance : probability that noise alone scatters so.
     """
 
     strength_m_s: float
     relative_sd: float
+    mean_wind_sd_m_s: float
     force_N: float
     weight_N: float
     chance: float
@@ -67,6 +69,18 @@ class Gusts:
         """95 % interval of the strength, m/s."""
         factor = float(np.exp(SDS_95 * self.relative_sd))
         return self.strength_m_s / factor, self.strength_m_s * factor
+
+    def blow_in(self, model: Model, effects: effect_table.Effects) -> Model:
+        """Return the model whose flights have a mean wind of their own each, as gusts leave it.
+
+        Parameters
+        ----------
+        model : of the vehicle.
+        effects : with their values; those that wind acts through are picked.
+        """
+        drags = {n: v for n, v in effects.items() if n in effect_table.get("wind").prerequisites}
+        sds = {f"wind.{axis}": self.mean_wind_sd_m_s for axis in WIND}
+        return dataclasses.replace(model, flight_sds=sds, act_through=drags)
 
     def finding(self) -> Finding:
         """Return the gusts as a finding of the contract."""
@@ -223,7 +237,7 @@ def find_gusts(
     if not shows_moving_air(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
     channels = ACC[:2] if {*ACC[:2]} <= {*system.names} else FORCE[:2]
-    forces = _force_windows(system, joint, channels)
+    forces = _force_windows(system, _with_gust_winds(joint), channels)
     if not forces:
         return None
     equivalent = _equivalent_wind(forces, system.model)
@@ -243,6 +257,13 @@ def find_gusts(
         else effect_table.get("gusts").completed(nominal_gusts)[STRENGTH]
     )
     return gusts if gusts.ci95[0] > expected else None
+
+
+def _with_gust_winds(joint: JointFit) -> JointFit:
+    """Return the fit without the mean winds of gusts, which are part of what they blow."""
+    keys = {f"wind.{axis}" for axis in WIND}
+    own = ({k: v for k, v in values.items() if k not in keys} for values in joint.by_flight)
+    return dataclasses.replace(joint, by_flight=tuple(own))
 
 
 def _stretch_lengths_s(forces: Sequence[_ForceWindows]) -> list[float]:
@@ -302,7 +323,7 @@ class _ForceWindows:
 
 def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> list[_ForceWindows]:
     """Return windows of every flight that has any, of two channels of horizontal force."""
-    east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in AXES))
+    east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in WIND))
     system_of_wind = build(system.recordings, system.model, [east_and_north], system)
     columns = [
         k
@@ -380,10 +401,8 @@ def _gusts_of_excess(
     excess: _Excess, equivalent: _EquivalentWind, forces: Sequence[_ForceWindows], model: Model
 ) -> Gusts:
     """Return gusts that make this excess variance of the means, by the compiled effect."""
-    winds = [
-        np.concatenate(draw)
-        for draw in zip(*(_unit_gust_winds(f, model, i) for i, f in enumerate(forces)), strict=True)
-    ]
+    by_flight = [_unit_gust_winds(f, model, i) for i, f in enumerate(forces)]
+    winds = [np.concatenate(draw) for draw in zip(*by_flight, strict=True)]
     variances = np.array(
         [np.mean(excess.stretches.means(equivalent.without_regressors(w)) ** 2) for w in winds]
     )
@@ -392,9 +411,11 @@ def _gusts_of_excess(
     strength = float(np.sqrt(variance / variances.mean()))
     # both axes blow independently: squares of what each pushes add up
     push_2 = np.concatenate([(f.force_per_wind**2).sum(axis=2) for f in forces]).mean()
+    unit_means = [wind.mean(axis=0) for draws in by_flight for wind in draws]
     return Gusts(
         strength,
         0.5 * float(variances.std() / variances.mean()),
+        strength * float(np.sqrt(np.mean(np.square(unit_means)))),
         float(np.sqrt(variance * push_2)),
         model.weight_N,
         excess.chance,

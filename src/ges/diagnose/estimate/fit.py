@@ -279,13 +279,14 @@ class Fitted:
     regression: Regression
 
     def frees_nuisance_of(self, system: System) -> bool:
-        """Return whether some fitted parameter is a nuisance of a system.
+        """Return whether some fitted parameter is a nuisance that flights of a system share.
 
         Parameters
         ----------
         system : of the flights, without these effects.
         """
-        return not {f"{e}.{p}" for e, p in self.free}.isdisjoint(system.nuisances)
+        shared = {key for key in system.nuisances if system.prior_sd(key) > 0}
+        return not {f"{e}.{p}" for e, p in self.free}.isdisjoint(shared)
 
     def sd(self, effect: str, parameter: str) -> float:
         """Return the standard deviation of a fitted parameter.

@@ -49,6 +49,8 @@ class Model:
     left_unexplained : rms of structure by channel that the calibration flights show as well.
     corrections : corrections of nominal parameters by ``effect.parameter`` that the model has
         already. All is linearised there; the priors stay centred on the vehicle file.
+    flight_sds : further sds from flight to flight by ``effect.parameter``: a mean wind of gusts.
+    act_through : effects that these act through, with their values.
     """
 
     parameters: Mapping[str, float]
@@ -59,6 +61,8 @@ class Model:
     plane_sd_m: float = 0.0
     left_unexplained: Mapping[str, float] = dataclasses.field(default_factory=dict)
     corrections: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    flight_sds: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    act_through: effect_table.Effects = dataclasses.field(default_factory=dict)
 
     def number(self, name: str) -> float:
         """Return a parameter of the simulator.
