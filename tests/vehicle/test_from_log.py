@@ -17,7 +17,7 @@ from .conftest import CURVE, Log, fly
 
 COMMAND, ROTOR_SPEED = command(4), rotor_speed(4)
 
-PROP = Propeller(0.24)
+PROP, KNOWN_CURVE = Propeller(0.24), Quantity(value=CURVE, sd=0.0)
 PARAMETERS = {
     "CA_ROTOR_COUNT": 4,
     "THR_MDL_FAC": 1 - CURVE,
@@ -37,7 +37,7 @@ def _near(quantity: Quantity, truth: float, sds: float = 2.5) -> bool:
 
 def test_hovering_tells_the_thrust_coefficient(flight, flown_vehicle):
     truth = flown_vehicle.thrust_coefficient_N_s2.value
-    found = hover(flight, 1.5, CURVE, 0.12)
+    found = hover(flight, 1.5, KNOWN_CURVE, 0.12)
     assert found.measured and found.quiet
     assert _near(found.thrust_per_drive, truth)
     assert found.thrust_per_drive.value == pytest.approx(truth, rel=0.02)
@@ -46,11 +46,27 @@ def test_hovering_tells_the_thrust_coefficient(flight, flown_vehicle):
 @pytest.mark.parametrize("lacking", ["rotor_speed_", "v_", "q_", "acc_", "p_z"])
 def test_hovering_needs_no_single_stream(flight, flown_vehicle, lacking):
     frame = _without(flight, lacking)
-    found = hover(frame, 1.5, CURVE, 0.12)
+    found = hover(frame, 1.5, KNOWN_CURVE, 0.12)
     largest = flown_vehicle.thrust_coefficient_N_s2.value * 1000.0**2
     measured = "rotor_speed_1_rad_s" in frame
     truth = flown_vehicle.thrust_coefficient_N_s2.value if measured else largest
     assert found.thrust_per_drive.value == pytest.approx(truth, rel=0.03)
+
+
+def test_thrust_is_as_uncertain_as_the_curve_that_it_was_told_with(flight):
+    frame = _without(flight, "rotor_speed_")
+    known, found = (
+        hover(frame, 1.5, Quantity(value=CURVE, sd=sd), 0.12).thrust_per_drive for sd in (0.0, 0.2)
+    )
+    u = frame[list(COMMAND)].median().mean()
+    # T = k ((1 - c) u^2 + c u): d ln k / dc at the same thrust in hover
+    share = 0.2 * (u - u * u) / ((1.0 - CURVE) * u * u + CURVE * u)
+    assert found.value == known.value
+    assert found.sd / found.value == pytest.approx(
+        np.hypot(known.sd / known.value, share), rel=0.15
+    )
+    measured = hover(flight, 1.5, Quantity(value=CURVE, sd=0.2), 0.12)
+    assert measured == hover(flight, 1.5, KNOWN_CURVE, 0.12)
 
 
 def test_standing_with_idling_rotors_is_no_hovering(flight, flown_vehicle):
@@ -60,20 +76,20 @@ def test_standing_with_idling_rotors_is_no_hovering(flight, flown_vehicle):
     step_s = float(np.median(np.diff(flight["t_s"])))
     longer["t_s"] = flight["t_s"].iloc[0] - step_s * np.arange(len(longer), 0, -1)
     frame = pd.concat([longer, flight], ignore_index=True)
-    found = hover(_without(frame, "rotor_speed_", "p_"), 1.5, CURVE, 0.12)
+    found = hover(_without(frame, "rotor_speed_", "p_"), 1.5, KNOWN_CURVE, 0.12)
     assert found.thrust_per_drive.value == pytest.approx(10.38, rel=0.03)
 
 
 def test_too_short_a_flight_and_dead_motors_are_refused(flight):
     with pytest.raises(GesError, match="it takes 5 s"):
-        hover(flight.iloc[500:700], 1.5, CURVE, 0.12)
+        hover(flight.iloc[500:700], 1.5, KNOWN_CURVE, 0.12)
     dead = flight.assign(**dict.fromkeys(COMMAND, 0.0))
     with pytest.raises(GesError, match="commands above zero"):
-        hover(_without(dead, "rotor_speed_"), 1.5, CURVE, 0.12)
+        hover(_without(dead, "rotor_speed_"), 1.5, KNOWN_CURVE, 0.12)
     with pytest.raises(GesError, match="neither rotor speeds nor motor commands"):
-        hover(_without(flight, "rotor_speed_", "u_"), 1.5, CURVE, 0.12)
+        hover(_without(flight, "rotor_speed_", "u_"), 1.5, KNOWN_CURVE, 0.12)
     with pytest.raises(GesError, match="neither a velocity nor an accelerometer"):
-        hover(_without(flight, "v_", "acc_"), 1.5, CURVE, 0.12)
+        hover(_without(flight, "v_", "acc_"), 1.5, KNOWN_CURVE, 0.12)
 
 
 def test_telemetry_tells_top_speed_and_curve(flight):

@@ -7,6 +7,7 @@ over half a second bring them together; a steady balance loses nothing by it.
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pandas as pd
@@ -206,7 +207,7 @@ class _Bins:
 
 
 def _bins(frame: pd.DataFrame, c: float) -> _Bins:
-    """Split a flight into half seconds; ``c`` as for :func:`hover`."""
+    """Split a flight into half seconds, with a linear share ``c`` of the thrust curve."""
     means = binned(frame)
     speeds, commands = _stack(means, rotor_speeds_in(means)), _stack(means, commands_in(means))
     # measured speeds need no curve, but a few seconds of them are too little
@@ -227,19 +228,20 @@ def _bins(frame: pd.DataFrame, c: float) -> _Bins:
     return _Bins(means, speeds, commands, measured, ratio, drives, lift, up, _flying(ratio))
 
 
-def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hover:
+def hover(frame: pd.DataFrame, mass_kg: float, curve: Quantity, radius_m: float) -> Hover:
     """Estimate the thrust of a rotor over its drive, from a flight of known mass.
 
     Parameters
     ----------
     frame : table (n rows) of a flight in contract columns.
     mass_kg : mass as flown.
-    c : linear share of the thrust curve; used where rotor speeds were not measured.
+    curve : linear share of the thrust curve; used where rotor speeds were not measured.
     radius_m : of a rotor; six radii above the lowest point count as out of ground effect.
 
     Returns
     -------
-    Thrust over drive. Its sd is the spread over the half seconds, and 2 % of the value.
+    Thrust over drive. Its sd is the spread over the half seconds, 2 % of the value, and what the sd
+    of the curve moves it by.
 
     Raises
     ------
@@ -252,7 +254,7 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
     = w^2, commands alone d = (1 - c) u^2 + c u. kappa is the median over what hovers out of ground
     effect.
     """
-    bins = _bins(frame, c)
+    bins = _bins(frame, curve.value)
     quiet = _hovering(bins, radius_m)
     # better from all of the flight than not at all; the source says so
     used = quiet if quiet.sum() >= FEWEST_BINS else bins.flying
@@ -262,8 +264,11 @@ def hover(frame: pd.DataFrame, mass_kg: float, c: float, radius_m: float) -> Hov
             f" {FEWEST_BINS * BIN_S:.0f} s of flight to tell the thrust"
         )
     kappa, spread = _centre(mass_kg * bins.ratio[used])
+    # the same hover under a straighter curve: where one is uncertain, so is the other
+    straighter = _bins(frame, curve.value + curve.sd).ratio[used]
+    moved = _centre(mass_kg * straighter)[0] - kappa
     return Hover(
-        Quantity(value=kappa, sd=float(np.hypot(HOVER_SD_REL * kappa, spread))),
+        Quantity(value=kappa, sd=math.hypot(HOVER_SD_REL * kappa, spread, moved)),
         float(np.median(bins.drives[used])),
         float(used.sum() * BIN_S),
         used is quiet,

@@ -134,7 +134,7 @@ def describe_log(
             f"Fitted to the telemetry's rotor speeds at commands of {measured.span[0]:.2f} to"
             f" {measured.span[1]:.2f} (R2 {measured.r2:.2f}). Before it: {curve_source}"
         )
-    flown = hover(frame, mass_kg, curve.value, prop.radius_m)
+    flown = hover(frame, mass_kg, curve, prop.radius_m)
     thrust, thrust_sources, size_remarks = _thrust(flown, measured, prop, mass_kg)
     # torque follows from the thrust of this flight, not from that of usual propellers
     coefficient = Quantity.model_validate(thrust["thrust_coefficient_N_s2"]).value
@@ -374,7 +374,7 @@ def _thrust_commanded(
         "thrust_coefficient_N_s2": (
             f"What propellers of {prop} usually have. No rotor speed was logged: with commands"
             " alone only coefficient times top speed squared acts, and the sd here is that of"
-            " this product."
+            " this product, with what the thrust curve leaves open of it."
         ),
         "max_rotor_speed_rad_s": (
             f"{hovered}: the speed at full command that makes a rotor's largest thrust of"
