@@ -60,7 +60,7 @@ def test_the_mean_wind_of_a_flight_is_a_nuisance_and_part_of_the_gusts():
     assert set(blown.act_through) == {"rotor_drag"}
     system = build([hovering(DURATION_S)], blown, [])
     k = system.nuisances["wind.east_m_s"]
-    assert (system.columns[k].nuisance.sd, system.columns[k].nuisance.flight_sd) == (0.0, 2.0)
+    assert (system.columns[k].nuisance.sd, system.columns[k].nuisance.flight_sd) == (2.0, 2.0)
     (rows,) = system.flights
     # through the drag that is given, not on: a metre per second pushes by the drag of hover
     push = rows.x.of(system.names.index(FORCE[0]), [k])[:, 0]

@@ -340,7 +340,7 @@ def nuisances(
     for key, sd in model.flight_sds.items():
         effect, parameter = ParameterKey.of(key)
         given = {} if has_prerequisite(effect, model.effects) else model.act_through
-        listed.append(Nuisance(effect, parameter, step=sd, sd=0.0, flight_sd=sd, given=given))
+        listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=sd, given=given))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
 

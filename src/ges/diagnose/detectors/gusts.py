@@ -71,12 +71,16 @@ class Gusts:
         return self.strength_m_s / factor, self.strength_m_s * factor
 
     def blow_in(self, model: Model, effects: effect_table.Effects) -> Model:
-        """Return the model whose flights have a mean wind of their own each, as gusts leave it.
+        """Return the model whose flights have mean winds as gusts so strong leave them.
 
         Parameters
         ----------
         model : of the vehicle.
         effects : with their values; those that wind acts through are picked.
+
+        Notes
+        -----
+        Flights of one day share a wind, and each has one of its own besides. Both have the same sd.
         """
         drags = {n: v for n, v in effects.items() if n in effect_table.get("wind").prerequisites}
         sds = {f"wind.{axis}": self.mean_wind_sd_m_s for axis in WIND}

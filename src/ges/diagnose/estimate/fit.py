@@ -279,14 +279,14 @@ class Fitted:
     regression: Regression
 
     def frees_nuisance_of(self, system: System) -> bool:
-        """Return whether some fitted parameter is a nuisance that flights of a system share.
+        """Return whether some fitted parameter is a nuisance of the vehicle.
 
         Parameters
         ----------
         system : of the flights, without these effects.
         """
-        shared = {key for key in system.nuisances if system.prior_sd(key) > 0}
-        return not {f"{e}.{p}" for e, p in self.free}.isdisjoint(shared)
+        of_vehicle = set(system.nuisances) - set(system.model.flight_sds)
+        return not {f"{e}.{p}" for e, p in self.free}.isdisjoint(of_vehicle)
 
     def sd(self, effect: str, parameter: str) -> float:
         """Return the standard deviation of a fitted parameter.

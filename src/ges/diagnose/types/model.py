@@ -49,7 +49,8 @@ class Model:
     left_unexplained : rms of structure by channel that the calibration flights show as well.
     corrections : corrections of nominal parameters by ``effect.parameter`` that the model has
         already. All is linearised there; the priors stay centred on the vehicle file.
-    flight_sds : further sds from flight to flight by ``effect.parameter``: a mean wind of gusts.
+    flight_sds : further nuisances by ``effect.parameter``, a mean wind of gusts: sds of what the
+        flights share, and of what each has of its own.
     act_through : effects that these act through, with their values.
     """
 
