@@ -432,8 +432,18 @@ def test_gusts_are_told_with_their_strength_and_not_as_a_steady_wind(strength_m_
 
 @pytest.mark.slow
 def test_a_wind_that_gusts_do_not_make_stands_beside_them(gusty, vehicle):
-    found = ges.diagnose(gusty(4.0, 3.0, 1.5), vehicle, holdout=["flight5"])
+    found = ges.diagnose(gusty(2.0, 3.0, 1.5), vehicle, holdout=["flight5"])
     assert {f.name for f in found.findings} == {"rotor_drag", "wind", "gusts"}, found.sentence
+
+
+@pytest.mark.slow
+def test_a_wind_that_gusts_may_make_flies_on_as_a_correction(gusty, vehicle):
+    found = ges.diagnose(gusty(4.0, 3.0, 1.5), vehicle, holdout=["flight5"])
+    assert {f.name for f in found.findings} == {"rotor_drag", "gusts"}, found.sentence
+    calibration = found.content()["calibration"]
+    for key, wind_m_s in (("wind.east_m_s", 3.0), ("wind.north_m_s", 1.5)):
+        low, high = calibration[key]["ci95"]
+        assert low < wind_m_s < high
 
 
 @pytest.mark.slow

@@ -38,13 +38,25 @@ def _joint(**common):
 
 def test_thrust_that_is_far_beyond_its_doubt_is_told_with_all_that_may_do_it():
     found = unmeasured_thrust(_joint(thrust_scale__scale=-0.3, thrust_curve__c=0.05), _system())
-    assert found.key == SCALE and found.excess.value == -0.3 and found.prior_sd == 0.05
-    assert found.rivals == ("battery_sag", "thrust_curve", "thrust_scale")
-    assert found.excess.ci95 == pytest.approx((-0.3 - 0.0196, -0.3 + 0.0196))
-    assert found.sentence().startswith("Thrust is 30 +- 2.0 % less than the vehicle file says, 6")
+    # T_max ((1 - c) u^2 + c u) in hover: what scale and curve make of it together
+    bend = 0.05 * (MODEL.number("max_rotor_speed_rad_s") / MODEL.hover_rad_s - 1.0)
+    assert found.key == SCALE and found.excess.value == pytest.approx(bend - 0.3)
+    assert found.prior_sd == 0.05 and found.rivals == (
+        "battery_sag",
+        "thrust_curve",
+        "thrust_scale",
+    )
+    assert found.excess.ci95 == pytest.approx((bend - 0.3 - 0.0196, bend - 0.3 + 0.0196))
+    assert found.sentence().startswith("Thrust is 27 +- 2.0 % less than the vehicle file says, 5")
     assert {f.name: f.probability for f in found.findings()} == pytest.approx(
         dict.fromkeys(found.rivals, 1.0 / 3.0)
     )
+
+
+def test_a_curve_whose_scale_makes_up_for_it_is_no_other_thrust():
+    per_bend = MODEL.number("max_rotor_speed_rad_s") / MODEL.hover_rad_s - 1.0
+    joint = _joint(thrust_curve__c=0.4, thrust_scale__scale=-0.4 * per_bend)
+    assert unmeasured_thrust(joint, _system()) is None
 
 
 @pytest.mark.parametrize("times", [0.98, 1.02])

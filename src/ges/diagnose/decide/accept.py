@@ -47,6 +47,9 @@ from ges.simulator import effects as effect_table
 from ges.simulator.laws import LAW
 from ges.threads import each
 
+IDLE = "does nothing once it is fitted"
+"""Why a name is open no more."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Accepted:
@@ -448,11 +451,20 @@ def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
 
     Returns
     -------
-    Without open names whose fit is neutral, if two others are left.
+    Without open names whose fit is neutral, if two others are left. Nothing is open where that is
+    so of all that are possible by themselves: the others are open in their place alone.
     """
     # what these flights cannot show has no column to fit
-    shown = [name for name in accepted.rivals if name in accepted.result.inclusion]
-    attempts = {name: _fit_with_rival(accepted, name) for name in shown}
+    inclusion = accepted.result.inclusion
+    shown = [name for name in accepted.rivals if name in inclusion]
+    least = settings.statistics.possible_probability
+    likely = [name for name in shown if inclusion[name] >= least]
+    attempts = {name: _fit_with_rival(accepted, name) for name in likely}
+    if likely and not any(fit and differs_from_neutral(fit, n) for n, fit in attempts.items()):
+        for name in likely:
+            record.note(name, Decision("open", False, IDLE))
+        return dataclasses.replace(accepted, rivals=(), contested=frozenset())
+    attempts = {name: attempts.get(name) or _fit_with_rival(accepted, name) for name in shown}
     fits = {
         name: fitted
         for name, fitted in attempts.items()
@@ -467,7 +479,7 @@ def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
             return dataclasses.replace(accepted, rivals=(), contested=frozenset())
     idle = set(attempts) - set(fits) if len(fits) > 1 else set()
     for name in attempts:
-        because = "does nothing once it is fitted" if name in idle else "one of these is needed"
+        because = IDLE if name in idle else "one of these is needed"
         record.note(name, Decision("open", name not in idle, because))
     return dataclasses.replace(
         accepted,

@@ -358,9 +358,11 @@ def _nuisance(
     # counted from the model as it is: what was corrected already is not expected again
     mean = prior.mean - model.corrections.get(key, 0.0)
     flight_sd = unit * prior.flight_sd
-    # a battery that nobody read is full in one flight and empty in another
+    # a battery that nobody read is full in one flight and empty in another, by half of the
+    # variance: flights of a day begin alike
     if not any(f.has("battery") or f.has("rotor_speed") for f in flights):
-        flight_sd = math.hypot(flight_sd, prior.unlogged_voltage_sd)
+        half = prior.unlogged_voltage_sd / math.sqrt(2.0)
+        sd, flight_sd = math.hypot(sd, half), math.hypot(flight_sd, half)
     return Nuisance(effect, parameter, step, sd, flight_sd, mean)
 
 

@@ -21,7 +21,7 @@ from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
-from ges.diagnose.types.model import SPEED
+from ges.diagnose.types.model import SPEED, Model
 from ges.diagnose.types.words import number_words
 from ges.simulator import effects as effect_table
 
@@ -121,9 +121,8 @@ class UnmeasuredThrust:
             **effect_table.get("battery_sag").neutral(),
             "sensitivity": float("battery_sag" in names),
         }
-        # T = T_max ((1 - c) u^2 + c u): in hover thrust changes by c (1 / u - 1) of itself;
         # thrust goes with the square of the top speed
-        per_bend = model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
+        per_bend = thrust_per_bend(model)
         thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
             effect, parameter = ParameterKey.of(CURVE)
@@ -132,6 +131,20 @@ class UnmeasuredThrust:
         present = model.effects.get("thrust_scale", {}).get("scale", 0.0)
         scale = present + thrust * ("thrust_scale" in names)
         return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
+
+
+def thrust_per_bend(model: Model) -> float:
+    """Return the relative change of the thrust in hover for each unit of the curve's bend.
+
+    Parameters
+    ----------
+    model : of the vehicle.
+
+    Notes
+    -----
+    T = T_max ((1 - c) u^2 + c u) changes by c (1 / u - 1) of itself.
+    """
+    return model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
 
 
 def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | None:
@@ -152,13 +165,17 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
         key: sd
         for key, k in system.nuisances.items()
         if (ParameterKey.of(key).effect in rivals or rivals and key == SPEED)
-        and (sd := nuisance_of(system.columns[k]).sd)
+        and (sd := model.prior_sds.get(key, nuisance_of(system.columns[k]).sd))
     }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
     corrections_by_key = {
         key: joint.common.get(key, 0.0) + np.array([f.get(key, 0.0) for f in joint.by_flight])
         for key in prior_sds
     }
+    # commands alone show what scale and curve together make of the thrust in hover
+    if SCALE in prior_sds and prior_sds.pop(CURVE, 0.0):
+        bent = thrust_per_bend(model) * corrections_by_key.pop(CURVE)
+        corrections_by_key[SCALE] = corrections_by_key[SCALE] + bent
     mean_correction = {
         key: float(corrections.mean()) for key, corrections in corrections_by_key.items()
     }
