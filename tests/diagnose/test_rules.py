@@ -144,6 +144,18 @@ def test_what_is_within_two_sds_of_its_doubt_does_not_stand_however_clear(
     assert significant(fitted, name).passed == proven
 
 
+@pytest.mark.parametrize(("sds", "proven"), [(4.4, False), (4.7, True)])
+def test_a_number_of_the_file_has_to_be_certain(sds, proven):
+    """Ten of them are free in every fit. A form error is part of the sd."""
+    name, value = "motor_lag", 0.02
+    effects = {name: {**effect_table.get(name).neutral(), "up_s": value}}
+    covariance = (value / sds) ** 2 * np.eye(1)
+    fitted = Fitted(effects, ((name, "up_s"),), covariance, None, None, BOARD)
+    share = fitted.sds_from_neutral(name, "up_s")
+    assert share > 3.0 and (share > settings.statistics.certain_sds) == proven
+    assert significant(fitted, name).passed == proven
+
+
 def test_an_amplitude_is_as_clear_as_it_is_with_its_shape_held():
     """Amplitude and decay on a ridge: neither is known well, that something acts is certain."""
     covariance = np.array([[0.01, 0.0099], [0.0099, 0.01]])

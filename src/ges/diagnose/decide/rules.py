@@ -323,7 +323,8 @@ def significant(fitted: Fitted, name: str) -> Decision:
     Notes
     -----
     Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
-    free. It must also be beyond its prior, and nothing at a bound. A wind must blow at all.
+    free. It must also be beyond its prior, and nothing at a bound. A wind must blow at all. The
+    file has ten numbers or more, which are always free: so what corrects one must be certain.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -334,8 +335,10 @@ def significant(fitted: Fitted, name: str) -> Decision:
     for parameter in (p for e, p in parameters_at_bounds(fitted) if e == name):
         value = fitted.effects[name][parameter]
         return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-    least, farthest = settings.statistics.clear_sds, 0.0
+    certain = any(p.corrects for p in effect.parameters if p.name not in effect.shapes)
+    least = settings.statistics.certain_sds if certain else settings.statistics.clear_sds
     priors = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
+    farthest = 0.0
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
