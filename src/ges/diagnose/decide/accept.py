@@ -109,7 +109,7 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
     -----
     Each round is linearised about what is accepted, and adds effects that act through it.
     """
-    system, first = start.system, None
+    system, first, forms_replaced = start.system, None, False
     selection = _Selection((), None, {})
     contested: set[str] = set()
     alike: dict[str, tuple[Alike, ...]] = {}
@@ -145,12 +145,18 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             n: modifiers[n].probability if n in modifiers else result.inclusion[n] for n in new
         }
         selection = selection.extend(new, polished, probability)
-        if only is None:
-            # the wind is known only now; the forms that the search chose were for still air
-            selection = _with_best_forms_in_wind(selection, system, record)
+        # the wind is known only now; the forms that the search chose were for still air
+        in_wind = _with_best_forms_in_wind(selection, system, record) if only is None else selection
         # the next round is linearised about what is accepted, and lists what acts through it
-        base = system.model.with_effects(polished.effects)
-        listed = candidates_of(system.recordings, base, selection.names, only)
+        base = system.model.with_effects(in_wind.fit.effects)
+        listed = candidates_of(system.recordings, base, in_wind.names, only)
+        if in_wind.names != selection.names and not forms_replaced:
+            # what stood beside the other form may only have made up for it
+            forms_replaced, in_wind = True, _only_air(in_wind, system)
+            base = system.model.with_effects(in_wind.fit.effects)
+            families = {n for name in in_wind.names for n in family_of(name)}
+            listed = [c for c in candidates_of(system.recordings, base) if c.name not in families]
+        selection = in_wind
     regression, result = first or search_until_stable(start, (), ())[:2]
     # a name that is probable, but failed another rule, is not open
     settled = {
@@ -186,11 +192,32 @@ class _Selection:
     fitted: Fitted | None
     probability: dict[str, float]
 
+    @property
+    def fit(self) -> Fitted:
+        """``fitted``, where something is accepted."""
+        if self.fitted is None:
+            raise ValueError("nothing is accepted, and so nothing is fitted")
+        return self.fitted
+
     def extend(
         self, new: tuple[str, ...], fitted: Fitted, probability: Mapping[str, float]
     ) -> _Selection:
         """Add the names of a round."""
         return _Selection(self.names + new, fitted, {**self.probability, **probability})
+
+
+def _only_air(selection: _Selection, system: System) -> _Selection:
+    """Return winds, and what they act through, fitted without the other names."""
+    moving = {n for n in selection.names if effect_table.get(n).moves_air}
+    kept = moving | {c for n in moving for c in effect_table.get(n).prerequisites}
+    names = tuple(n for n in selection.names if n in kept)
+    fit = selection.fit
+    effects = {n: v for n, v in fit.effects.items() if n in kept}
+    return _Selection(
+        names,
+        polish(system, effects, [f for f in fit.free if f[0] in kept]),
+        {n: selection.probability[n] for n in names},
+    )
 
 
 def _with_best_forms_in_wind(

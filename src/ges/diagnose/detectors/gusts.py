@@ -27,6 +27,7 @@ from ges.diagnose.design.residual import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.fit import JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
+from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import ACC, FORCE
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
@@ -109,15 +110,19 @@ def wind_speed_m_s(system: System, name: str, values: Mapping[str, float]) -> fl
     name : of the effect.
     values : its parameters.
     """
-    speeds = []
-    for flight in system.recordings:
-        samples = effect_table.Samples.from_columns(motion_of(flight, system.model, {}).columns)
-        # asked of the compiled wind, so that any profile over height is met
-        terrain = system.model.terrain
-        output = effect_table.replay({}, samples, {name: values}, terrain, wanted=WIND_M_S)
-        wind = output.stack(*WIND_M_S)[flight.flying]
-        speeds.append(np.linalg.norm(wind, axis=1))
+    speeds = [
+        np.linalg.norm(_wind(flight, system.model, {name: values})[flight.flying], axis=1)
+        for flight in system.recordings
+    ]
     return float(np.median(np.concatenate(speeds)))
+
+
+def _wind(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
+    """Return the wind (n, 2) of effects along a flight, east and north, m/s."""
+    samples = effect_table.Samples.from_columns(motion_of(flight, model, {}).columns)
+    # asked of the compiled wind, so that any profile over height is met
+    output = effect_table.replay({}, samples, effects, model.terrain, wanted=WIND_M_S)
+    return output.stack(*WIND_M_S)
 
 
 def load_may_push(
@@ -360,19 +365,20 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
     return _EquivalentWind(
         np.concatenate([f.wind for f in forces]),
-        np.concatenate([_regressors(f, i, len(forces)) for i, f in enumerate(forces)]),
+        np.concatenate([_regressors(f, model, i, len(forces)) for i, f in enumerate(forces)]),
         np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
     )
 
 
-def _regressors(forces: _ForceWindows, number: int, flights: int) -> np.ndarray:
+def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) -> np.ndarray:
     """Return regressors of one flight, (m, 2, 6 + 2 flights).
 
-    They are a steady wind, its log-height profile, an error of the drag's form, and a trim of each
-    flight.
+    They are a steady wind, its log-height profile, an error of the drag's form over the speed
+    through the air, and a trim of each flight.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
-    v = flight.stack("velocity")[at, :2]
+    winds = {n: e for n, e in model.effects.items() if effect_table.get(n).moves_air}
+    v = (flight.stack("velocity")[:, :2] - _wind(flight, model, winds))[at]
     height = (
         np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.height_error_m))
         if "p_z_m" in flight.columns
