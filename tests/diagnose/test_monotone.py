@@ -29,7 +29,7 @@ SETS = {
     "slung_load": ("ordinary", {"slung_load": {"mass_kg": 0.06, "length_m": 0.5}}),
 }
 NOISE_FACTORS = (0.1, 0.3, 1.0, 3.0)
-LENGTHS_S = (10.0, 20.0)
+LENGTHS_S = (10.0, 30.0)
 ACCELEROMETER_M_S2, ROTOR_SPEED_RAD_S = 0.1, 2.0
 """Noise of what :data:`NOISE` has none for, at a factor of one."""
 
