@@ -373,8 +373,8 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
 def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) -> np.ndarray:
     """Return regressors of one flight, (m, 2, 6 + 2 flights).
 
-    They are a steady wind, its log-height profile, an error of the drag's form over the speed
-    through the air, and a trim of each flight.
+    They are a steady wind, its log-height profile, and a trim of each flight. An error of the
+    drag's form goes with the speed through the air.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
     winds = {n: e for n, e in model.effects.items() if effect_table.get(n).moves_air}
