@@ -264,9 +264,11 @@ def hover(frame: pd.DataFrame, mass_kg: float, curve: Quantity, radius_m: float)
             f" {FEWEST_BINS * BIN_S:.0f} s of flight to tell the thrust"
         )
     kappa, spread = _centre(mass_kg * bins.ratio[used])
-    # the same hover under a straighter curve: where one is uncertain, so is the other
-    straighter = _bins(frame, curve.value + curve.sd).ratio[used]
-    moved = _centre(mass_kg * straighter)[0] - kappa
+    moved = 0.0
+    if bins.commands is not None and not bins.measured:
+        # the same hover under a straighter curve: where one is uncertain, so is the other
+        straighter = normalised_thrust(bins.commands, curve.value + curve.sd).sum(axis=1)
+        moved = _centre(mass_kg * (bins.lift[used] / straighter[used]))[0] - kappa
     return Hover(
         Quantity(value=kappa, sd=math.hypot(HOVER_SD_REL * kappa, spread, moved)),
         float(np.median(bins.drives[used])),

@@ -51,8 +51,27 @@ IDLE = "does nothing once it is fitted"
 """Why a name is open no more."""
 
 
+class _WithFit:
+    """What has a fit as soon as something is accepted."""
+
+    fitted: Fitted | None
+
+    @property
+    def fit(self) -> Fitted:
+        """``fitted``, where something is accepted.
+
+        Raises
+        ------
+        ValueError
+            Where nothing is.
+        """
+        if self.fitted is None:
+            raise ValueError("nothing is accepted, and so nothing is fitted")
+        return self.fitted
+
+
 @dataclasses.dataclass(frozen=True)
-class Accepted:
+class Accepted(_WithFit):
     """Outcome of the search on the training flights.
 
     Attributes
@@ -77,18 +96,9 @@ class Accepted:
     alternatives: Mapping[str, Fitted] = dataclasses.field(default_factory=dict)
     alike: Mapping[str, tuple[Alike, ...]] = dataclasses.field(default_factory=dict)
 
-    @property
-    def fit(self) -> Fitted:
-        """``fitted``, where something is accepted.
-
-        Raises
-        ------
-        ValueError
-            Where nothing is.
-        """
-        if self.fitted is None:
-            raise ValueError("nothing is accepted, and so nothing is fitted")
-        return self.fitted
+    def without_rivals(self) -> Accepted:
+        """Return it with nothing open."""
+        return dataclasses.replace(self, rivals=(), contested=frozenset())
 
     @property
     def modelled(self) -> tuple[str, ...]:
@@ -145,18 +155,21 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             n: modifiers[n].probability if n in modifiers else result.inclusion[n] for n in new
         }
         selection = selection.extend(new, polished, probability)
-        # the wind is known only now; the forms that the search chose were for still air
-        in_wind = _with_best_forms_in_wind(selection, system, record) if only is None else selection
+        names = selection.names
+        if only is None:
+            # the wind is known only now; the forms that the search chose were for still air
+            selection = _with_best_forms_in_wind(selection, system, record)
+        # what stood beside another form may only have made up for it: searched again, once
+        only_air = selection.names != names and not forms_replaced
+        if only_air:
+            forms_replaced, selection = True, _only_air(selection, system)
         # the next round is linearised about what is accepted, and lists what acts through it
-        base = system.model.with_effects(in_wind.fit.effects)
-        listed = candidates_of(system.recordings, base, in_wind.names, only)
-        if in_wind.names != selection.names and not forms_replaced:
-            # what stood beside the other form may only have made up for it
-            forms_replaced, in_wind = True, _only_air(in_wind, system)
-            base = system.model.with_effects(in_wind.fit.effects)
-            families = {n for name in in_wind.names for n in family_of(name)}
-            listed = [c for c in candidates_of(system.recordings, base) if c.name not in families]
-        selection = in_wind
+        base = system.model.with_effects(selection.fit.effects)
+        listed = (
+            _candidates_of_other_families(selection.names, base, system)
+            if only_air
+            else candidates_of(system.recordings, base, selection.names, only)
+        )
     regression, result = first or search_until_stable(start, (), ())[:2]
     # a name that is probable, but failed another rule, is not open
     settled = {
@@ -185,19 +198,12 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
 
 
 @dataclasses.dataclass(frozen=True)
-class _Selection:
+class _Selection(_WithFit):
     """Names that the rounds have accepted so far, with their fit and probabilities."""
 
     names: tuple[str, ...]
     fitted: Fitted | None
     probability: dict[str, float]
-
-    @property
-    def fit(self) -> Fitted:
-        """``fitted``, where something is accepted."""
-        if self.fitted is None:
-            raise ValueError("nothing is accepted, and so nothing is fitted")
-        return self.fitted
 
     def extend(
         self, new: tuple[str, ...], fitted: Fitted, probability: Mapping[str, float]
@@ -210,8 +216,7 @@ def _only_air(selection: _Selection, system: System) -> _Selection:
     """Return winds, and what they act through, fitted without the other names."""
     moving = {n for n in selection.names if effect_table.get(n).moves_air}
     kept = moving | {c for n in moving for c in effect_table.get(n).prerequisites}
-    names = tuple(n for n in selection.names if n in kept)
-    fit = selection.fit
+    names, fit = tuple(n for n in selection.names if n in kept), selection.fit
     effects = {n: v for n, v in fit.effects.items() if n in kept}
     return _Selection(
         names,
@@ -220,13 +225,19 @@ def _only_air(selection: _Selection, system: System) -> _Selection:
     )
 
 
+def _candidates_of_other_families(
+    names: Sequence[str], base: Model, system: System
+) -> list[Candidate]:
+    """Return all candidates of other families than these names."""
+    families = {n for name in names for n in family_of(name)}
+    return [c for c in candidates_of(system.recordings, base) if c.name not in families]
+
+
 def _with_best_forms_in_wind(
     selection: _Selection, system: System, record: DecisionLog
 ) -> _Selection:
     """Replace drags by others of their family that fit better in the wind that was accepted."""
-    if selection.fitted is None:
-        return selection
-    fitted, replacements = _best_forms_in_wind(selection.fitted, selection.names, system, record)
+    fitted, replacements = _best_forms_in_wind(selection.fit, selection.names, system, record)
     return _Selection(
         tuple(replacements.get(n, n) for n in selection.names),
         fitted,
@@ -486,26 +497,22 @@ def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
     shown = [name for name in accepted.rivals if name in inclusion]
     least = settings.statistics.possible_probability
     likely = [name for name in shown if inclusion[name] >= least]
-    attempts = {name: _fit_with_rival(accepted, name) for name in likely}
-    if likely and not any(fit and differs_from_neutral(fit, n) for n, fit in attempts.items()):
+    fits = _fits_off_neutral(accepted, likely)
+    if likely and not fits:
         for name in likely:
             record.note(name, Decision("open", False, IDLE))
-        return dataclasses.replace(accepted, rivals=(), contested=frozenset())
-    attempts = {name: attempts.get(name) or _fit_with_rival(accepted, name) for name in shown}
-    fits = {
-        name: fitted
-        for name, fitted in attempts.items()
-        if fitted is not None and differs_from_neutral(fitted, name)
-    }
+        return accepted.without_rivals()
+    more = _fits_off_neutral(accepted, [name for name in shown if name not in likely])
+    fits = {name: fit for name in shown if (fit := fits.get(name) or more.get(name))}
     if len(shown) < len(accepted.rivals):
         # beside what cannot be tested nothing is open that would not be named without it
         decisions = {name: significant(fitted, name) for name, fitted in fits.items()}
         for name, decision in decisions.items():
             record.note(name, decision)
         if not any(d.passed for d in decisions.values()):
-            return dataclasses.replace(accepted, rivals=(), contested=frozenset())
-    idle = set(attempts) - set(fits) if len(fits) > 1 else set()
-    for name in attempts:
+            return accepted.without_rivals()
+    idle = set(shown) - set(fits) if len(fits) > 1 else set()
+    for name in shown:
         because = IDLE if name in idle else "one of these is needed"
         record.note(name, Decision("open", name not in idle, because))
     return dataclasses.replace(
@@ -533,6 +540,12 @@ def fit_causes(accepted: Accepted, causes: Mapping[str, effect_table.Effects]) -
         }
         fits[name] = polish(system, values, [(e, p) for e, own in changed.items() for p in own])
     return dataclasses.replace(accepted, fitted=next(iter(fits.values())), alternatives=fits)
+
+
+def _fits_off_neutral(accepted: Accepted, names: Sequence[str]) -> dict[str, Fitted]:
+    """Return the fits with each open name that acts, and does something once it is fitted."""
+    fits = {name: _fit_with_rival(accepted, name) for name in names}
+    return {name: fit for name, fit in fits.items() if fit and differs_from_neutral(fit, name)}
 
 
 def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:

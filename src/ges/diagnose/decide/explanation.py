@@ -23,16 +23,8 @@ from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
-from ges.diagnose.locate.stages import (
-    Stage,
-    Start,
-    far_corrections,
-    first_system,
-    make_stage,
-    relinearise,
-)
+from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.select.evidence import make_regression
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 
@@ -127,15 +119,14 @@ def _accept_in_gusts(
 
     Where no drag is accepted with them, all comes back as it was.
     """
-    blown = gusts.blow_in(start.system.model, accepted.fit.effects)
+    blown = start.linearised_about(gusts.blow_in(start.system.model, accepted.fit.effects))
     decisions = DecisionLog()
-    regression = make_regression(first_system(start.system.recordings, blown))
-    again = accept(regression, decisions)
+    again = accept(blown.regression, decisions)
     still = _gusts(again, start, nominal_gusts)
     if not still:
         return start, accepted, gusts
     record.become(decisions)
-    return dataclasses.replace(start, regression=regression), again, still
+    return blown, again, still
 
 
 def explanation_of(
@@ -252,7 +243,7 @@ def refit_with_open_names(
             for name in accepted.alternatives:
                 because = "each that is open stands at a bound, or makes less than what matters"
                 record.note(name, Decision("open", False, because))
-            without = dataclasses.replace(explanation.accepted, rivals=(), contested=frozenset())
+            without = explanation.accepted.without_rivals()
             return dataclasses.replace(explanation, accepted=without), unexplained
     else:
         return explanation, unexplained

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -593,7 +593,7 @@ def flight_rows(
     names : of the C channels.
     columns : of the design.
     length_s : support of the test functions.
-    computed_columns : columns to reuse, nuisances by key and others by recipe.
+    computed_columns : columns to reuse, by recipe.
     like : rows of the same flight, whose windows and instruments are reused. Instruments hardly
         change with effects.
     drive : rotor speeds of the model, where they are known.
@@ -618,13 +618,12 @@ def flight_rows(
     y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
     computed, by_recipe = computed_columns or {}, {c.recipe: c for c in columns}
-    computed_key = {recipe: c.key if c.nuisance else recipe for recipe, c in by_recipe.items()}
-    new = {recipe: c for recipe, c in by_recipe.items() if computed_key[recipe] not in computed}
+    new = {recipe: c for recipe, c in by_recipe.items() if recipe not in computed}
     # drives of all new columns are flown as one batch; what remembers its path goes as many at a
     # time as the simulator has lanes, for a replay of a long flight is large
     drives = _fly_additions(flight, model, here, _additions(model, new.values()))
     evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
-    values = {recipe: computed[computed_key[recipe]] for recipe in by_recipe if recipe not in new}
+    values = {recipe: computed[recipe] for recipe in by_recipe if recipe not in new}
     to_compute = list(new.items())
     for first in range(0, len(to_compute), MOST_LANES):
         batch = to_compute[first : first + MOST_LANES]
@@ -770,17 +769,18 @@ def thrust_change(
 
 
 def _computed_columns(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
-    """Return columns of one flight to reuse.
+    """Return columns of one flight to reuse, by recipe.
 
-    Nuisances are by key. Others are by recipe, if wanted and computed for this very model.
+    They are nuisances, and others if wanted and computed for this very model.
     """
-    known: dict[int, Hashable] = {k: key for key, k in system.nuisances.items()}
-    for k, c in enumerate(system.columns) if system.model is model else ():
-        if c.variant is not None and c.recipe in wanted:
-            known[k] = c.recipe
+    known = {
+        k: c.recipe
+        for k, c in enumerate(system.columns)
+        if c.nuisance is not None or system.model is model and c.recipe in wanted
+    }
     computed: dict = {}
-    for key, column in zip(known.values(), flight.x.columns(list(known)), strict=True):
-        computed[key] = computed.get(key, {}) | column
+    for recipe, column in zip(known.values(), flight.x.columns(list(known)), strict=True):
+        computed[recipe] = computed.get(recipe, {}) | column
     return computed
 
 

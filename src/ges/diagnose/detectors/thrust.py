@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import System, nuisance_of
+from ges.diagnose.design.system import System
 from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
@@ -122,7 +122,7 @@ class UnmeasuredThrust:
             "sensitivity": float("battery_sag" in names),
         }
         # thrust goes with the square of the top speed
-        per_bend = thrust_per_bend(model)
+        per_bend = _thrust_per_bend(model)
         thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
         if "thrust_curve" in names:
             effect, parameter = ParameterKey.of(CURVE)
@@ -133,15 +133,9 @@ class UnmeasuredThrust:
         return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
 
 
-def thrust_per_bend(model: Model) -> float:
+def _thrust_per_bend(model: Model) -> float:
     """Return the relative change of the thrust in hover for each unit of the curve's bend.
 
-    Parameters
-    ----------
-    model : of the vehicle.
-
-    Notes
-    -----
     T = T_max ((1 - c) u^2 + c u) changes by c (1 / u - 1) of itself.
     """
     return model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
@@ -163,9 +157,9 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     rivals = tuple(sorted(name for name in CAUSES if unmet_requirement(name, flights, model)))
     prior_sds = {
         key: sd
-        for key, k in system.nuisances.items()
+        for key in system.nuisances
         if (ParameterKey.of(key).effect in rivals or rivals and key == SPEED)
-        and (sd := model.prior_sds.get(key, nuisance_of(system.columns[k]).sd))
+        and (sd := model.prior_sds.get(key, system.prior_sd(key)))
     }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
     corrections_by_key = {
@@ -174,7 +168,7 @@ def unmeasured_thrust(joint: JointFit, system: System) -> UnmeasuredThrust | Non
     }
     # commands alone show what scale and curve together make of the thrust in hover
     if SCALE in prior_sds and prior_sds.pop(CURVE, 0.0):
-        bent = thrust_per_bend(model) * corrections_by_key.pop(CURVE)
+        bent = _thrust_per_bend(model) * corrections_by_key.pop(CURVE)
         corrections_by_key[SCALE] = corrections_by_key[SCALE] + bent
     mean_correction = {
         key: float(corrections.mean()) for key, corrections in corrections_by_key.items()

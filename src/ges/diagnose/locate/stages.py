@@ -99,6 +99,16 @@ class Start:
         """What the search is linearised about."""
         return self.regression.system
 
+    def linearised_about(self, model: Model) -> Start:
+        """Return the start of a search that is linearised about another model.
+
+        Parameters
+        ----------
+        model : of the same vehicle.
+        """
+        system = first_system(self.system.recordings, model)
+        return dataclasses.replace(self, regression=make_regression(system))
+
 
 def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     """Set the nominal parameters within their prior sds, and look at the remaining residuals.
@@ -145,10 +155,7 @@ def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> 
     About a place that is far off, the search needs other names to make up for that.
     """
     corrections = far_corrections(start, nominal, effects)
-    if not corrections:
-        return None
-    moved = first_system(start.system.recordings, at_corrections(nominal, corrections))
-    return dataclasses.replace(start, regression=make_regression(moved))
+    return start.linearised_about(at_corrections(nominal, corrections)) if corrections else None
 
 
 def far_corrections(
