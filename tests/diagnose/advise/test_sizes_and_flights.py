@@ -121,20 +121,17 @@ RIVALS = [
 
 
 def _flying(monkeypatch, told):
-    """Menus whose flights show the first rival's column with sizes by plan, alike or apart."""
+    """Menus whose flights show the rivals' columns with sizes by plan, alike or apart."""
 
     def simulate(model, rival, plan, logged, parameters):
-        return None if told[plan] is None else (rival, plan)
+        return None if told[plan] is None else plan
 
-    def gram(regression, flight, keep):
-        rival, plan = flight
-        rng = np.random.default_rng(1)
-        x = told[plan] * rng.standard_normal((40, 2))
-        y = x[:, RIVALS.index(rival)]
-        return Gram(x.T @ x, x.T @ y, float(y @ y), 40.0)
+    def grams(regression, plan, keep, rivals):
+        x = told[plan] * np.random.default_rng(1).standard_normal((40, 2))
+        return [Gram(x.T @ x, x.T @ y, float(y @ y), 40.0) for y in x.T]
 
     monkeypatch.setattr(recommend, "simulate", simulate)
-    monkeypatch.setattr(recommend, "_gram", gram)
+    monkeypatch.setattr(recommend, "_grams", grams)
 
 
 def _rank(monkeypatch, told):

@@ -1,7 +1,8 @@
 """Ranking of manoeuvres for the next flight.
 
-Every explanation that is still open is simulated over a menu of manoeuvres, and evaluated as a real
-flight would be. The manoeuvre whose outcome separates them most is recommended.
+The likeliest of the explanations that are still open is flown over a menu of manoeuvres, and
+evaluated as a real flight would be. Each explanation is replayed along that path, as if it were
+true. The manoeuvre that separates them most is recommended.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import pandas as pd
 from scipy.special import softmax
 
 from ges.conventions import MAX_ROTORS
-from ges.diagnose.design.system import flight_rows
+from ges.diagnose.design.system import flight_residuals, flight_rows
 from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import Prepared
@@ -191,20 +192,27 @@ def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarr
     return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
 
 
-def _gram(regression: Regression, flight: Prepared, keep: np.ndarray) -> Gram:
-    """Return the normal equations of one more flight, in the noise of the flights so far."""
+def _grams(
+    regression: Regression, flight: Prepared, keep: np.ndarray, rivals: Sequence[Rival]
+) -> list[Gram]:
+    """Return the normal equations of one more flight if each rival were true.
+
+    They are in the noise of the flights so far.
+    """
     system, columns = regression.system, [regression.system.columns[k] for k in keep]
-    flight_of_rows = flight_rows(
+    rows = flight_rows(
         flight, system.model, system.names, columns, system.flights[0].windows.length_s
     )
-    weight = settings.evidence.tempering
     # h of equation (4), over the median of the flights so far: their noise model is in that unit
     usual = np.median(np.concatenate([r.covariate for r in system.flights])) or 1.0
-    return flight_grams(
-        whiten([flight_of_rows], regression.noise, [flight_of_rows.covariate / usual]),
-        columns,
-        weight,
-    )[0]
+    grams = []
+    for rival in rivals:
+        # what was flown drops out of the difference, and the rival less the model is left
+        rest = flight_residuals(rows, system.names, system.model.with_effects(rival.effects))
+        if_true = dataclasses.replace(rows, y=rows.y - rest)
+        white = whiten([if_true], regression.noise, [rows.covariate / usual])
+        grams += flight_grams(white, columns, settings.evidence.tempering)
+    return grams
 
 
 def _log_evidence(
@@ -265,19 +273,15 @@ def rank(
     past = past.scale(0.0) if also_logged else past
     now = _log_evidence(regression, past, keep, rivals)
     so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
-    labels, options = _labels(rivals), []
+    labels, options, reserves = _labels(rivals), [], {}
     expected_now = _expected_lead(chance, [_lead(now, i) for i in range(len(rivals))])
-    for plan in plans:
-        simulated = each(
-            lambda r, plan=plan: simulate(model, r, plan, logged, parameters or model.parameters),
-            rivals,
-        )
-        flown = [f for f in simulated if f is not None]
-        # where one explanation cannot fly, the others' flights would have nothing to be separated
-        # from
-        if len(flown) < len(simulated):
-            continue
-        grams = each(lambda f: _gram(regression, f, keep), flown)
+    likeliest = rivals[int(np.argmax(now))]
+    flights = each(
+        lambda plan: simulate(model, likeliest, plan, logged, parameters or model.parameters), plans
+    )
+    flown = {plan: f for plan, f in zip(plans, flights, strict=True) if f is not None}
+    grams_by_plan = each(lambda f: _grams(regression, f, keep, rivals), flown.values())
+    for plan, grams in zip(flown, grams_by_plan, strict=True):
         after = [_log_evidence(regression, past + gram, keep, rivals) for gram in grams]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
         # what would still be open although it were true
@@ -294,4 +298,6 @@ def rank(
         options.append(
             Option(plan, separates, open_still, expected, so_far, expected - expected_now)
         )
-    return sorted(options, key=lambda o: -o.expected_log_odds)
+        reserves[plan] = min(leads)
+    # of those that settle it, the one that has most to spare
+    return sorted(options, key=lambda o: (-o.expected_log_odds, -reserves[o.manoeuvre]))

@@ -696,17 +696,31 @@ def residuals_with(system: System, model: Model) -> list[np.ndarray]:
     -------
     By flight, (m, C).
     """
+    return each(lambda rows: flight_residuals(rows, system.names, model), system.flights)
 
-    def of(r: FlightRows) -> np.ndarray:
-        here = tuple(
-            name
-            for name in with_higher_orders(channels(r.flight, model), len(r.windows.higher_orders))
-            if name in system.names
+
+def flight_residuals(rows: FlightRows, names: Sequence[str], model: Model) -> np.ndarray:
+    """Compute the residuals of one flight's windows under another model.
+
+    Parameters
+    ----------
+    rows : of the flight.
+    names : of the C channels.
+    model : that is evaluated.
+
+    Returns
+    -------
+    (m, C).
+    """
+    here = tuple(
+        name
+        for name in with_higher_orders(
+            channels(rows.flight, model), len(rows.windows.higher_orders)
         )
-        y = _in_all_channels(system.names, here, evaluate(r.flight, r.windows, model, here))
-        return np.where(np.isfinite(r.y), y, np.nan)
-
-    return each(of, system.flights)
+        if name in names
+    )
+    y = _in_all_channels(names, here, evaluate(rows.flight, rows.windows, model, here))
+    return np.where(np.isfinite(rows.y), y, np.nan)
 
 
 def _drive_form_error(
