@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import json
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +21,7 @@ from ges.blind.generator.detectable import body_of
 from ges.blind.protocol import seal
 from ges.blind.score import by_world
 from ges.errors import GesError, UsageError
+from ges.recordings.readers import open_log
 
 HALVES = sets.HALVES
 VEHICLE = {"name": "toy", "mass_kg": 1.0}
@@ -459,6 +461,19 @@ def test_labels_of_real_flights_are_those_of_their_folders(recordings_dir):
                 for path in (*design.flights, *design.reference):
                     assert (recordings_dir / real.FOLDERS[name] / path).is_file(), path
                 assert not set(design.flights) & set(design.reference)
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_logs_made_in_another_process_are_those_of_their_half(half, tmp_path, recordings_dir):
+    design = logs.designs(half)[0]
+    sent = pickle.loads(pickle.dumps(design))
+    assert sent.concealed() == design.concealed() and "axial_inflow" in sent.concealed().optional
+    place = Place(logs.WORLD, sent.key, half, 1)
+    logs.make(tmp_path, [(sent, 0, place)], Sources(recordings_dir))
+    whole = open_log(recordings_dir / logs.GAZEBO.path, logs.GAZEBO.options).frame()
+    case = tmp_path / "cases" / place.identity
+    made = sum(len(pd.read_parquet(f)) for f in case.glob("flight_*.parquet"))
+    assert made <= len(whole) / 2, "the other half keeps its samples"
 
 
 def test_logs_of_simulators_conceal_what_is_left_out_of_the_file(tmp_path, recordings_dir):

@@ -76,7 +76,7 @@ class LogDesign:
         beside them is optional.
         """
         names = (*self.without, *(("thrust_scale",) if self.wrong else ()))
-        other = tuple(n for n in GAZEBO_TOO if n not in names) if self.source is GAZEBO else ()
+        other = tuple(n for n in GAZEBO_TOO if n not in names) if self.source == GAZEBO else ()
         parameter = bool(self.wrong) and not self.without
         return Concealed(
             names,
@@ -120,7 +120,7 @@ def make(out: Path, sets: Sequence[tuple[LogDesign, int, Place]], sources: Sourc
     """
     for design, _, place in sets:
         frame = open_log(sources.recordings / design.source.path, design.source.options).frame()
-        if design.source is GAZEBO:
+        if design.source == GAZEBO:
             # each half of the study gets its half of the flight, and no sample of the other's
             size = len(frame) // 2
             start = size * HALVES.index(place.half)
