@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import ges
-from ges.diagnose.detectors.thrust import CAUSES
 from ges.diagnose.report.page import render
 from ges.diagnose.settings import settings
 from ges.simulator import manoeuvres
@@ -47,25 +46,13 @@ def _at(frame, step_s):
 
 @pytest.mark.slow
 def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
-    """Rotor speeds show the bend, which a usual doubt would take upon itself; a battery that sags
-    under load bends it, too.
-    """
+    """Rotor speeds show the bend, which a usual uncertainty would take upon itself."""
     found = _diagnosed(flown, sheet(), BENT, ("battery",))
-    assert found.verdict == "ambiguous"
     told = {f.name: f.parameters for f in found.findings}
-    assert set(told) == {"battery_sag", "thrust_curve"} and told["thrust_curve"][
-        "c"
-    ].value == pytest.approx(0.3, rel=0.1)
+    assert set(told) == {"thrust_curve"}
+    assert told["thrust_curve"]["c"].value == pytest.approx(0.3, rel=0.1)
     low, high = told["thrust_curve"]["c"].ci95
-    assert (
-        low < 0.3 < high
-        and "thrust_curve.c would be" in found.remark
-        and "logged (battery_V)" in found.remark
-    )
-    assert (
-        set(found.next_flight["separates"]) == set(told)
-        and found.next_flight["expected_log_odds"] > settings.statistics.acceptance_log_odds
-    )
+    assert low < 0.3 < high
     assert (
         _diagnosed(flown, sheet(), {"thrust_curve": {"c": 0.05}}, ("battery",)).verdict
         == "nothing_proven"
@@ -74,32 +61,32 @@ def test_a_bent_curve_is_not_taken_for_a_usual_one(flown, sheet):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 0.8])
-def test_a_ceiling_is_named_beside_an_unmeasured_curve(flown, sheet, share):
+def test_a_ceiling_is_named_beside_a_curve(flown, sheet, share):
     found = _diagnosed(flown, sheet(), BENT | {"rotor_saturation": {"share": share}}, ("battery",))
     names = {f.name for f in found.findings}
-    assert names == {"battery_sag", "thrust_curve", "rotor_saturation"}
+    assert names == {"thrust_curve", "rotor_saturation"}
 
 
 @pytest.mark.parametrize(
     "effects",
     [pytest.param(HEAVY, id="heavy"), pytest.param(SAG, id="sagged", marks=pytest.mark.slow)],
 )
-def test_its_three_causes_are_named_together(flown, sheet, effects):
+def test_its_causes_are_named_together(flown, sheet, effects):
     found = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery"))
     assert found.verdict == "ambiguous"
-    assert {f.name for f in found.findings} == {"battery_sag", "thrust_curve", "thrust_scale"}
+    assert {f.name for f in found.findings} == {"battery_sag", "thrust_scale"}
     assert "logged (battery_V)" in found.remark
     report = render(found.content())
-    assert report.count("give no number of it") == 2 and "with the battery voltage logged" in report
+    assert report.count("give no number of it") == 1 and "with the battery voltage logged" in report
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effects", [HEAVY, SAG], ids=["heavy", "sagged"])
 def test_the_flight_that_it_asks_for_tells(flown, sheet, effects):
     asked = _diagnosed(flown, sheet(), effects, ("rotor_speed", "battery")).next_flight
-    assert "battery_V" in asked["preparation"] and {
-        n for s in asked["separates"] for n in s.split("+")
-    } == set(CAUSES)
+    assert "battery_V" in asked["preparation"]
+    # another thrust is in both: that of a battery's level
+    assert set(asked["separates"]) == {"battery_sag", "nothing more"}
     assert asked["expected_log_odds"] > settings.statistics.acceptance_log_odds
     told = _diagnosed(
         flown, sheet(), effects, ("rotor_speed",), ((asked["manoeuvre"], (30.0,)),) * 2

@@ -183,9 +183,9 @@ def thrust_of(explanation: Explanation, system: System) -> UnmeasuredThrust | No
     -------
     None where other names are open, or its cause is measured.
     """
-    return (
-        None if explanation.accepted.rivals else unmeasured_thrust(explanation.last.joint, system)
-    )
+    if explanation.accepted.rivals:
+        return None
+    return unmeasured_thrust(explanation.last.joint, system, explanation.accepted.names)
 
 
 def without_idle_rivals(
