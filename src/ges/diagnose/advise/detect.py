@@ -107,17 +107,14 @@ def _largest_gain(regression: Regression) -> np.ndarray:
     between linearisations would count as evidence without end.
     """
     # x^2 / (2 sd^2) is what the prior charges a nuisance for the same move
-    prior_sd = {
-        key: sd
-        for key, k in regression.system.nuisances.items()
-        if (sd := regression.prior.sd[k]) > 0
-    }
-    return np.array(
-        [
-            0.5 / prior_sd[c.key] ** 2 if c.key in prior_sd else np.inf
-            for c in regression.system.columns
-        ]
-    )
+    with np.errstate(divide="ignore"):
+        return 0.5 / _prior_sds(regression) ** 2
+
+
+def _prior_sds(regression: Regression) -> np.ndarray:
+    """Return the prior sd (K,) of the nuisance of every column's key, 0 where there is none."""
+    sds = {key: regression.prior.sd[k] for key, k in regression.system.nuisances.items()}
+    return np.array([sds.get(c.key, 0.0) for c in regression.system.columns])
 
 
 def expected_evidence(
@@ -192,7 +189,8 @@ class _Sizes:
 
     Attributes
     ----------
-    least : coefficient at the practical significance threshold of its greatest channel.
+    least : coefficient at the practical significance threshold of its greatest channel, and
+        certainly beyond its prior.
     share_of_weight : share of weight, or of weight times arm, per unit of it.
     """
 
@@ -210,7 +208,10 @@ def _sizes(regression: Regression) -> _Sizes:
     with np.errstate(divide="ignore"):
         return _Sizes(
             # shares are linear in the coefficient: it matters once the greatest of them is one
-            1.0 / shares.max(axis=0),
+            np.maximum(
+                1.0 / shares.max(axis=0),
+                settings.statistics.certain_sds * _prior_sds(regression),
+            ),
             (rms / scale)[is_force_or_moment].max(axis=0, initial=0.0),
         )
 

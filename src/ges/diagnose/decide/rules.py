@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ges.conventions import QUATERNION, SDS_95
+from ges.conventions import QUATERNION
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
@@ -323,8 +323,9 @@ def significant(fitted: Fitted, name: str) -> Decision:
     Notes
     -----
     Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
-    free. It must also be beyond its prior, and nothing at a bound. A wind must blow at all. The
-    file has ten numbers or more, which are always free: so what corrects one must be certain.
+    free. It must also be certainly beyond its prior, and nothing at a bound. A wind must blow at
+    all. The file has ten numbers or more, which are always free: so what corrects one must be
+    certain.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -343,7 +344,8 @@ def significant(fitted: Fitted, name: str) -> Decision:
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
-        is_beyond_prior = not prior or abs(deviation - prior.mean) > SDS_95 * prior.sd
+        beyond = settings.statistics.certain_sds * prior.sd if prior else 0.0
+        is_beyond_prior = not prior or abs(deviation - prior.mean) > beyond
         if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
