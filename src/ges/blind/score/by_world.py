@@ -47,7 +47,6 @@ AIMS = {
     "sets that are modelled": (">=", 0.80),
     "nulls that get no worse": (">=", 1.0),
 }
-LAST = Path(__file__).with_name("last_scores.json")
 
 
 @dataclass(frozen=True)
@@ -365,16 +364,12 @@ def skipped(folder: Path) -> pd.DataFrame:
 
     Returns
     -------
-    A row each: name, why, and for a world its scores when it last could be made.
+    A row each: name and why.
     """
     made = folder / "sealed" / "made.json"
     about = json.loads(made.read_text()) if made.exists() else {}
-    last = json.loads(LAST.read_text()) if LAST.exists() else {}
-    rows = [
-        {"world": name, "why": why} | last.get(about["half"], {}).get(name, {})
-        for name, why in {**about.get("skipped", {}), **about.get("lost", {})}.items()
-    ]
-    return pd.DataFrame(rows, columns=None if rows else ["world", "why"])
+    reasons = {**about.get("skipped", {}), **about.get("lost", {})}
+    return pd.DataFrame(reasons.items(), columns=["world", "why"])
 
 
 def made_of_worlds(folder: Path) -> bool:
