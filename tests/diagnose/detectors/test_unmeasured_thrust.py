@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.fit import JointFit
@@ -74,55 +75,63 @@ def test_where_the_log_tells_the_cause_nothing_is_unmeasured():
     found = unmeasured_thrust(_joint(thrust_scale__scale=-0.3), _system(spinning))
     assert found is None, "with rotor speeds the scale is searched"
     bent = unmeasured_thrust(_joint(thrust_curve__c=0.3), _system(spinning))
-    assert bent is None, "with commands the curve is searched"
+    assert bent.key == CURVE and bent.rivals == ("battery_sag", "thrust_curve")
+    form = settings.estimate.form_error * 0.3
+    low, high = bent.excess.ci95
+    assert 0.5 * (high - low) == pytest.approx(1.96 * np.hypot(0.01, form))
 
 
 def test_a_top_speed_is_told_as_a_share_of_it():
     system = _system(hovering(), ((SPEED, 30.0),))
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ({},))
     found = unmeasured_thrust(joint, system)
-    top = MODEL.number("max_rotor_speed_rad_s")
-    assert found.excess.value == pytest.approx(200.0 / top)
-    assert found.prior_sd == pytest.approx(30.0 / top)
-    # another top speed is the other cause, and has no name
-    assert [(f.name, f.probability) for f in found.findings()] == [("battery_sag", 0.5)]
-    assert set(found.explanations()) == {(), ("battery_sag",)}
+    assert found.excess.value == pytest.approx(0.2) and found.prior_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
     assert "or another max_rotor_speed_rad_s would do it" in found.sentence()
     assert "vehicle" in found.may_move
 
 
-def test_a_speed_in_hover_is_what_top_speed_and_curve_make_of_it():
-    system = _system(hovering(), ((SPEED, 30.0), (CURVE, 0.03)))
-    top = MODEL.number("max_rotor_speed_rad_s")
-    # a speed goes with the root of c (1 / u - 1)
-    bend = 0.5 * (top / MODEL.hover_rad_s - 1.0)
-    common = {SPEED: -0.2 * top, CURVE: 0.2 / bend}
-    joint = JointFit(*[np.zeros(0)] * 3, 0.0, common, dict.fromkeys(common, 0.01), ({},))
-    assert unmeasured_thrust(joint, system) is None
-
-
-def _unmeasured(key, value, rivals=("battery_sag", "thrust_scale")):
+def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
     return UnmeasuredThrust(
         _system(), key, FittedParameter(value, (value, value), "1"), 0.05, rivals
     )
 
 
-@pytest.mark.parametrize("value", [0.2, -0.15])
-def test_each_explanation_makes_the_same_thrust_in_a_hover(value):
-    sets = _unmeasured(SCALE, value).explanations()
-    assert set(sets) == {("thrust_scale",), ("battery_sag", "thrust_scale")}
-    assert {e["thrust_scale"]["scale"] for e in sets.values()} == {value}
+def _over_weight(effects):
+    """Thrust over weight that the commands of a hover make under some effects, in full drive."""
+    curve = {name: v for name, v in effects.items() if name == "thrust_curve"}
+    (speeds,) = commanded_speeds([COMMANDED], MODEL, curve)
+    scale = effects.get("thrust_scale", {}).get("scale", 0.0)
+    return (1.0 + scale) * float(np.mean((speeds[-1] / MODEL.hover_rad_s) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "thrust"),
+    [(SCALE, 0.2, 1.2), (SCALE, -0.15, 0.85), (CURVE, 0.3, None), (SPEED, 0.05, 1.1)],
+)
+def test_each_explanation_makes_the_same_thrust_in_a_hover(key, value, thrust):
+    """The compiled drive flies them; of a top speed, thrust goes with its square."""
+    sets = _unmeasured(key, value).explanations()
+    assert set(sets) == {("thrust_scale",), ("thrust_curve",), ("battery_sag", "thrust_scale")}
+    wanted = thrust or _over_weight({"thrust_curve": {"c": value}})
+    for effects in sets.values():
+        assert _over_weight(effects) == pytest.approx(wanted, abs=2e-3)
     on = {names: effects["battery_sag"]["sensitivity"] for names, effects in sets.items()}
-    assert on["battery_sag", "thrust_scale"] == 1.0 and on["thrust_scale",] == 0.0
+    assert on["battery_sag", "thrust_scale"] == 1.0 and on["thrust_curve",] == 0.0
 
 
-def test_an_explanation_is_about_what_the_file_has():
+def test_by_commands_alone_no_curve_is_an_explanation():
+    sets = _unmeasured(SCALE, 0.2, ("battery_sag", "thrust_scale")).explanations()
+    assert set(sets) == {("thrust_scale",), ("battery_sag", "thrust_scale")}
+
+
+def test_no_curve_bends_further_than_the_library_flies():
+    assert _unmeasured(SCALE, 9.0).explanations()["thrust_curve",]["thrust_curve"]["c"] == 1.0
     known = dataclasses.replace(MODEL, effects={"thrust_scale": {"scale": 0.1}})
     found = _unmeasured(SCALE, 0.2)
     held = dataclasses.replace(found, system=dataclasses.replace(found.system, model=known))
     told = held.explanations()["thrust_scale",]["thrust_scale"]["scale"]
-    assert told == pytest.approx(0.3)
+    assert told == pytest.approx(0.3), "about what the file has"
 
 
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():

@@ -1,9 +1,10 @@
 """Thrust far from the vehicle file, in flights whose battery voltage was not logged.
 
-Two causes are possible: another mass or thrust coefficient, or another battery voltage. Where rotor
-speeds are logged, the first shows by itself, and another top speed is possible in its place.
-Without the voltage neither is searched (see ``requirements``). Nominal thrust or top speed absorbs
-the difference as far as its prior allows. Beyond that one of the causes is needed.
+By commands alone two causes are possible: another mass or thrust coefficient, or another battery
+voltage. With rotor speeds they are another thrust curve, or another voltage, with another top speed
+of the motors. Without the voltage they are not searched (see ``requirements``). Nominal thrust, or
+the usual curve, absorbs the difference as far as its prior allows. Beyond that one of the causes is
+needed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.estimate.fit import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
@@ -28,6 +29,7 @@ SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
 VOLTAGE = "battery_V"
 CAUSES = {
     "thrust_scale": "another mass or thrust coefficient",
+    "thrust_curve": "another thrust curve",
     "battery_sag": "another battery voltage",
 }
 
@@ -39,8 +41,8 @@ class UnmeasuredThrust:
     Attributes
     ----------
     system : of the flights.
-    key : the number that absorbs it, thrust or top speed.
-    excess : thrust or rotor speed in hover relative to the file less one.
+    key : the number that absorbs it, ``effect.parameter``.
+    excess : thrust or top speed relative to the file less one, or the bend of the curve.
     prior_sd : of the same quantity.
     rivals : names that these flights cannot separate.
     """
@@ -59,8 +61,9 @@ class UnmeasuredThrust:
     def sentence(self) -> str:
         """Return how far the thrust is off, what would explain it, and how to find out."""
         low, high = self.excess.ci95
-        value = number_words(100.0 * abs(self.excess.value), 2)
-        half = number_words(100.0 * 0.5 * (high - low), 2)
+        share = 1.0 if self.key == CURVE else 100.0
+        value = number_words(share * abs(self.excess.value), 2)
+        half = number_words(share * 0.5 * (high - low), 2)
         times = number_words(abs(self.excess.value) / self.prior_sd, 2)
         causes_named = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
         *some, last = causes_named + (
@@ -81,19 +84,22 @@ class UnmeasuredThrust:
                 f"Thrust is {value} +- {half} % {'more' if more else 'less'} than the vehicle file"
                 " says"
             )
+        if self.key == SPEED:
+            return (
+                f"Rotor speeds at the same commands are {value} +- {half} %"
+                f" {'higher' if more else 'lower'} than the vehicle file says"
+            )
         return (
-            f"Rotor speeds at the same commands are {value} +- {half} %"
-            f" {'higher' if more else 'lower'} than the vehicle file says"
+            f"Rotor speeds are not in proportion to the commands: {CURVE} would be"
+            f" {'' if more else '-'}{value} +- {half}"
         )
 
     def findings(self) -> list[Finding]:
-        """Return the rivals as findings, all causes equally probable."""
+        """Return the rivals as findings, each equally probable."""
         effect, parameter = ParameterKey.of(self.key)
         estimates = {effect: {parameter: self.excess}}
-        # another top speed is a cause, but no name
-        count = len(self.rivals) + (self.key == SPEED)
         return [
-            Finding.of(name, 1.0 / count, estimates.get(name, {}), is_open=True)
+            Finding.of(name, 1.0 / len(self.rivals), estimates.get(name, {}), is_open=True)
             for name in self.rivals
         ]
 
@@ -103,10 +109,12 @@ class UnmeasuredThrust:
         Notes
         -----
         The battery runs down in all of them, and its sag shows by how it grows. What it takes in
-        the middle of the flight is another thrust, or another top speed, which has no name.
+        the middle of the flight is another thrust.
         """
         scale = ("thrust_scale",) if "thrust_scale" in self.rivals else ()
-        return {names: self._effects_of(names) for names in (scale, ("battery_sag", *scale))}
+        curve = ("thrust_curve",) if "thrust_curve" in self.rivals else ()
+        sets = (scale, curve, ("battery_sag", *scale))
+        return {names: self._effects_of(names) for names in sets if names}
 
     def _effects_of(self, names: Sequence[str]) -> effect_table.Effects:
         model = self.system.model
@@ -114,9 +122,24 @@ class UnmeasuredThrust:
             **effect_table.get("battery_sag").neutral(),
             "sensitivity": float("battery_sag" in names),
         }
+        # thrust goes with the square of the top speed
+        per_bend = _thrust_per_bend(model)
+        thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
+        if "thrust_curve" in names:
+            effect, parameter = ParameterKey.of(CURVE)
+            bend = within_bounds(effect, parameter, thrust / per_bend)
+            return {"battery_sag": sags, "thrust_curve": {"c": bend}}
         present = model.effects.get("thrust_scale", {}).get("scale", 0.0)
-        scale = present + self.excess.value * ("thrust_scale" in names)
+        scale = present + thrust * ("thrust_scale" in names)
         return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
+
+
+def _thrust_per_bend(model: Model) -> float:
+    """Return the relative change of the thrust in hover for each unit of the curve's bend.
+
+    T = T_max ((1 - c) u^2 + c u) changes by c (1 / u - 1) of itself.
+    """
+    return model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
 
 
 def unmeasured_thrust(
@@ -135,39 +158,45 @@ def unmeasured_thrust(
     The excess; None where it is within the prior sds, or the signals were logged. None beside a
     named curve, which is fitted with the thrust in hover.
     """
+    if ParameterKey.of(CURVE).effect in named:
+        return None
     model, flights = system.model, [r.flight for r in system.flights]
     rivals = tuple(sorted(name for name in CAUSES if unmet_requirement(name, flights, model)))
-    effects = {ParameterKey.of(key).effect: key for key in (SCALE, SPEED)}
-    key = next((k for e, k in effects.items() if e in rivals), SPEED)
-    if not rivals or key not in system.nuisances or ParameterKey.of(CURVE).effect in named:
-        return None
-    # a top speed as a share of the file's
-    unit = model.number(ParameterKey.of(SPEED).parameter) if key == SPEED else 1.0
-    sd = model.prior_sds.get(key, system.prior_sd(key)) / unit
+    prior_sds = {
+        key: sd
+        for key in system.nuisances
+        if (ParameterKey.of(key).effect in rivals or rivals and key == SPEED)
+        and (sd := model.prior_sds.get(key, system.prior_sd(key)))
+    }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
-    per_unit = _in_hover(key, model)
-    excess = np.array(
-        [
-            sum(r * (joint.common.get(k, 0.0) + own.get(k, 0.0)) for k, r in per_unit.items())
-            for own in joint.by_flight
-        ]
-    )
-    value = float(excess.mean())
-    if not sd or abs(value) < settings.statistics.certain_sds * sd:
+    corrections_by_key = {
+        key: joint.common.get(key, 0.0) + np.array([f.get(key, 0.0) for f in joint.by_flight])
+        for key in prior_sds
+    }
+    # commands alone show what scale and curve together make of the thrust in hover
+    if SCALE in prior_sds:
+        bent = _thrust_per_bend(model) * joint.common.get(CURVE, 0.0)
+        corrections_by_key[SCALE] = corrections_by_key[SCALE] + bent
+    mean_correction = {
+        key: float(corrections.mean()) for key, corrections in corrections_by_key.items()
+    }
+    # in sds of what was known: the number farthest off takes the difference upon itself
+    in_sds = {key: abs(mean_correction[key]) / sd for key, sd in prior_sds.items()}
+    key = max(in_sds, key=lambda k: in_sds[k], default=None)
+    if key is None or in_sds[key] < settings.statistics.certain_sds:
         return None
+    # a top speed as a share of the file's; a curve is wrong by its form as well
+    unit = model.number(ParameterKey.of(SPEED).parameter) if key == SPEED else 1.0
+    value, form = mean_correction[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
     # of these flights, and not of those to come: what they share, or how far they are apart
-    apart = excess.std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
-    own_sd = apart or joint.common_sd[key] / unit
-    return UnmeasuredThrust(
-        system, key, FittedParameter(value, interval95(value, own_sd), "1"), sd, rivals
+    apart = (
+        corrections_by_key[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
     )
-
-
-def _in_hover(key: str, model: Model) -> dict[str, float]:
-    """Return the relative change of thrust, or of rotor speed, in hover for a unit of each number.
-
-    A curve changes T = (1 + s) T_max ((1 - c) u^2 + c u) by c (1 / u - 1). A speed changes by half.
-    """
-    top = model.number(ParameterKey.of(SPEED).parameter)
-    bent = top / model.hover_rad_s - 1.0
-    return {SCALE: 1.0, CURVE: bent} if key == SCALE else {SPEED: 1.0 / top, CURVE: 0.5 * bent}
+    sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
+    return UnmeasuredThrust(
+        system,
+        key,
+        FittedParameter(value, interval95(value, sd), "1"),
+        prior_sds[key] / unit,
+        rivals,
+    )
