@@ -336,16 +336,16 @@ def significant(fitted: Fitted, name: str) -> Decision:
     for parameter in (p for e, p in parameters_at_bounds(fitted) if e == name):
         value = fitted.effects[name][parameter]
         return Decision(rule, False, f"{parameter} stands at its bound", value, value)
-    certain = any(p.corrects for p in effect.parameters if p.name not in effect.shapes)
-    least = settings.statistics.certain_sds if certain else settings.statistics.clear_sds
+    certain_sds = settings.statistics.certain_sds
+    corrects = any(p.corrects for p in effect.parameters if p.name not in effect.shapes)
+    least = certain_sds if corrects else settings.statistics.clear_sds
     priors = {c.key: c.nuisance for c in fitted.regression.system.columns if c.nuisance}
     farthest = 0.0
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         deviation, prior = value - a.neutral, priors.get(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
-        beyond = settings.statistics.certain_sds * prior.sd if prior else 0.0
-        is_beyond_prior = not prior or abs(deviation - prior.mean) > beyond
+        is_beyond_prior = not prior or abs(deviation - prior.mean) > certain_sds * prior.sd
         if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"

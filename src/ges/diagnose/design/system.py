@@ -464,6 +464,14 @@ def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     return {**variant.given, **stepped}, step
 
 
+def _channels_of_flight(
+    flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the channels of one flight that are among those of all flights."""
+    own = with_higher_orders(channels(flight, model), len(windows.higher_orders))
+    return tuple(name for name in own if name in names)
+
+
 def _in_all_channels(
     names: Sequence[str], here: Sequence[str], evaluated: Evaluation
 ) -> np.ndarray:
@@ -609,11 +617,7 @@ def flight_rows(
     )
     air = windows.within(flight.flying)
     driven = np.array([block_of(name) == "drive" for name in names])
-    here = tuple(
-        name
-        for name in with_higher_orders(channels(flight, model), len(windows.higher_orders))
-        if name in names
-    )
+    here = _channels_of_flight(flight, windows, model, names)
     base = evaluate(flight, windows, model, here, drive=drive)
     y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
@@ -712,13 +716,7 @@ def flight_residuals(rows: FlightRows, names: Sequence[str], model: Model) -> np
     -------
     (m, C).
     """
-    here = tuple(
-        name
-        for name in with_higher_orders(
-            channels(rows.flight, model), len(rows.windows.higher_orders)
-        )
-        if name in names
-    )
+    here = _channels_of_flight(rows.flight, rows.windows, model, names)
     y = _in_all_channels(names, here, evaluate(rows.flight, rows.windows, model, here))
     return np.where(np.isfinite(rows.y), y, np.nan)
 

@@ -246,7 +246,7 @@ def find_gusts(
     if not shows_moving_air(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
     channels = ACC[:2] if {*ACC[:2]} <= {*system.names} else FORCE[:2]
-    forces = _force_windows(system, _with_gust_winds(joint, system.model), channels)
+    forces = _force_windows(system, _without_gust_winds(joint, system.model), channels)
     if not forces:
         return None
     equivalent = _equivalent_wind(forces, system.model)
@@ -268,7 +268,7 @@ def find_gusts(
     return gusts if gusts.ci95[0] > expected else None
 
 
-def _with_gust_winds(joint: JointFit, model: Model) -> JointFit:
+def _without_gust_winds(joint: JointFit, model: Model) -> JointFit:
     """Return the fit without the mean winds of gusts, which are part of what they blow."""
     own = (
         {k: v for k, v in values.items() if k not in model.flight_sds} for values in joint.by_flight
