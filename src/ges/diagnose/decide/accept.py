@@ -545,11 +545,14 @@ def fit_causes(accepted: Accepted, causes: Mapping[str, effect_table.Effects]) -
 def _fits_off_neutral(accepted: Accepted, names: Sequence[str]) -> dict[str, Fitted]:
     """Return the fits with each open name that acts, and does something once it is fitted."""
     fits = {name: _fit_with_rival(accepted, name) for name in names}
-    return {name: fit for name, fit in fits.items() if fit and differs_from_neutral(fit, name)}
+    return {name: fit for name, fit in fits.items() if fit}
 
 
 def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
-    """Return the fit with one open name and its prerequisite added; None where it cannot act."""
+    """Return the fit with one open name and its prerequisite added.
+
+    None where it cannot act, or does nothing once it is fitted.
+    """
     system, fitted = accepted.regression.system, accepted.fitted
     best = accepted.result.best_with(name, accepted.rivals)
     present = set(fitted.effects) if fitted else set()
@@ -561,7 +564,11 @@ def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
         best, posterior=_restricted_posterior(best, own, accepted.regression)
     )
     full = _fit_hypothesis(accepted.regression, kept, fitted, system)
-    return fit_along_rollouts(dataclasses.replace(accepted, fitted=full)).fitted
+    # what does nothing along the recorded path is not fitted along the model's own
+    if not differs_from_neutral(full, name):
+        return None
+    refined = fit_along_rollouts(dataclasses.replace(accepted, fitted=full)).fit
+    return refined if differs_from_neutral(refined, name) else None
 
 
 def _hypothesis_of(

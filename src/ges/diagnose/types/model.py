@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +17,7 @@ from ges.vehicle.file import Quantity, Vehicle
 SPEED = "vehicle.max_rotor_speed_rad_s"
 
 
+@functools.cache
 def block_of(channel: str) -> str:
     """Return the block that a channel belongs to.
 
