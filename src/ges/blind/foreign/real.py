@@ -131,7 +131,7 @@ def crazypad_designs(half: str) -> list[RecordedDesign]:
         healthy = tuple(f"normal_flight/{name}" for name in HEALTHY[airframe])
         references = [healthy]
         # either reference series alone, and both as two sessions
-        if truth is CUT_PAIR:
+        if truth == CUT_PAIR:
             each = [tuple(f"{ref}/E9_log0{k}" for k in range(3)) for ref in REFERENCES]
             references = [*each, each[0] + each[1]]
         logs = [f"{folder}/{airframe}_log0{start + k}" for k in range(3)]
