@@ -544,8 +544,7 @@ def fit_causes(accepted: Accepted, causes: Mapping[str, effect_table.Effects]) -
 
 def _fits_off_neutral(accepted: Accepted, names: Sequence[str]) -> dict[str, Fitted]:
     """Return the fits with each open name that acts, and does something once it is fitted."""
-    fits = {name: _fit_with_rival(accepted, name) for name in names}
-    return {name: fit for name, fit in fits.items() if fit}
+    return {name: fit for name in names if (fit := _fit_with_rival(accepted, name))}
 
 
 def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
