@@ -9,7 +9,7 @@ from ges.conventions import command, rotor_speed
 from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import null_fit
-from ges.diagnose.estimate.recalibrate import operating_point
+from ges.diagnose.estimate.recalibrate import _cost, _linearise, operating_point
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.types.model import SPEED
@@ -35,9 +35,9 @@ def _fly_motors(top_rad_s, bend, noise_rad_s=1.0):
     return flight.replace(columns={**kept, **columns})
 
 
-def _found(flight, speed_sd_rad_s=300.0):
+def _found(flight, speed_sd_rad_s=300.0, bend_sd=0.3):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
-    sds = {SPEED: speed_sd_rad_s, BEND: 0.3, **dict.fromkeys(late, 0.0)}
+    sds = {SPEED: speed_sd_rad_s, BEND: bend_sd, **dict.fromkeys(late, 0.0)}
     declared = dataclasses.replace(MODEL, prior_sds=sds)
     system = build([flight], declared, [])
     assert system.main == ("drive_1", "drive_2", "drive_3", "drive_4")
@@ -55,7 +55,22 @@ def test_numbers_that_multiply_each_other_are_found_beyond_the_linear_step():
 
 
 def test_a_number_beyond_its_prior_is_left_to_the_search():
-    assert set(_found(_fly_motors(1800.0, 0.9), speed_sd_rad_s=150.0)) == {BEND}
+    assert set(_found(_fly_motors(1200.0, 0.3), bend_sd=0.06)) == {SPEED}
+
+
+def test_a_number_that_no_effect_tells_moves_beyond_its_prior():
+    """The search has no name for another top speed: left in the file, others would stand for it."""
+    found = _found(_fly_motors(1200.0, 0.3), speed_sd_rad_s=30.0)
+    assert found[SPEED] == pytest.approx(200.0, abs=10.0)
+
+
+def test_costs_compare_from_one_linearisation_to_the_next():
+    """Feedback errors of columns made anew would be another likelihood: steps ran in circles."""
+    declared = dataclasses.replace(MODEL, prior_sds={SPEED: 300.0, BEND: 0.3})
+    regression, joint = null_fit(build([_fly_motors(1500.0, 0.5)], declared, []))
+    there = _linearise(regression, declared, joint.common)
+    # what differs between flights is linearised anew, too
+    assert _cost(there, {}) == pytest.approx(_cost(regression, joint.common), rel=5e-4)
 
 
 def test_quiet_sensors_tell_the_error_of_a_step_that_gains_nearly_all():

@@ -15,6 +15,7 @@ from ges.diagnose.decide.rules import (
     apply_rules,
     differs_from_neutral,
     open_names,
+    parameters_at_bounds,
     rivals_nearly_as_good,
     significant,
 )
@@ -390,8 +391,10 @@ def _fit_significant(
         decisions = {n: significant(full, n) for n in new} if names_searched else {}
         for name, decision in decisions.items():
             record.note(name, decision)
-        rejected = {n for n, d in decisions.items() if not d.passed}
-        rejected = (rejected & set(values_of_modifiers)) or rejected
+        failed = {n for n, d in decisions.items() if not d.passed}
+        # a name that does nothing may have driven another one to its bound: it goes alone first
+        at_bounds = {e for e, _ in parameters_at_bounds(full)}
+        rejected = (failed & set(values_of_modifiers)) or (failed - at_bounds) or failed
         # what acted through a name that fell has nothing to act through
         rejected |= {
             n for n in new if not has_prerequisite(n, {*base.effects, *(set(new) - rejected)})

@@ -290,6 +290,17 @@ class System:
         """Channels under the plain average, which are reported and drawn."""
         return tuple(name for name in self.names if not MarkedChannel.of(name).mark)
 
+    def with_endogenous_parts_of(self, other: System) -> System:
+        """Return the system with the feedback errors of another one of the same columns.
+
+        Parameters
+        ----------
+        other : system of the same flights. Costs compare under one likelihood only.
+        """
+        pairs = zip(self.flights, other.flights, strict=True)
+        flights = tuple(dataclasses.replace(r, endogenous=o.endogenous) for r, o in pairs)
+        return dataclasses.replace(self, flights=flights)
+
     def blocks(self, length_s: float) -> list[np.ndarray]:
         """Count the blocks of time of every window.
 
@@ -602,8 +613,8 @@ def flight_rows(
     columns : of the design.
     length_s : support of the test functions.
     computed_columns : columns to reuse, by recipe.
-    like : rows of the same flight, whose windows and instruments are reused. Instruments hardly
-        change with effects.
+    like : rows of the same flight, whose windows, instruments and covariate are reused. These
+        hardly change with effects, and costs compare under one likelihood only.
     drive : rotor speeds of the model, where they are known.
 
     Notes
@@ -650,16 +661,20 @@ def flight_rows(
         )
     # endogenous parts are projected over all windows in the air: a channel with gaps has none
     in_air = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
+    # those of nuisances stay as they were
+    own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
     # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
     separate_keys = [
-        f"{key}/{c.part}" if c.part == "moment" and variant_of(c).effect in model.effects else key
-        for key, c in zip(keys, columns, strict=True)
+        f"{keys[k]}/{c.part}"
+        if (c := columns[k]).part == "moment" and variant_of(c).effect in model.effects
+        else keys[k]
+        for k in own
     ]
     rates_measured = flight.has("gyro") or "attitude" not in flight.derived
     endogenous = (
         endogenous_parts(
             separate_keys,
-            x,
+            table_of(x.columns(own), *y.shape),
             windows.length_s,
             in_air,
             instruments,
@@ -679,7 +694,7 @@ def flight_rows(
         windows,
         y,
         x,
-        thrust_change(flight, windows, model, thrust),
+        like.covariate if like else thrust_change(flight, windows, model, thrust),
         endogenous,
         instruments,
         air,
@@ -783,12 +798,15 @@ def thrust_change(
 def _computed_columns(system: System, flight: FlightRows, model: Model, wanted: set[tuple]) -> dict:
     """Return columns of one flight to reuse, by recipe.
 
-    They are nuisances, and others if wanted and computed for this very model.
+    They are nuisances at the same corrections, and others if wanted and computed for this very
+    model.
     """
+    same_corrections = system.model.corrections == model.corrections
     known = {
         k: c.recipe
         for k, c in enumerate(system.columns)
-        if c.nuisance is not None or system.model is model and c.recipe in wanted
+        if (c.nuisance is not None and same_corrections)
+        or (system.model is model and c.recipe in wanted)
     }
     computed: dict = {}
     for recipe, column in zip(known.values(), flight.x.columns(list(known)), strict=True):
@@ -822,8 +840,9 @@ def build(
     flights : prepared recordings.
     model : about which the columns are linearised.
     variants : of candidates.
-    like : a system of the same flights and channels. Windows, nuisance columns and instruments are
-        reused, which hardly change with effects; all columns where the model is the same.
+    like : a system of the same flights and channels. Windows and instruments are reused, and
+        nuisance columns at the same corrections, which hardly change with effects; all columns
+        where the model is the same.
     length_s : support of the test functions; of :func:`window_length_s` where not given.
     """
     main = common_channels(flights, model)

@@ -539,12 +539,14 @@ class _Point:
 
         The cost is that of the linearisation.
         """
-        steps = self.joint.chosen[: len(self.free)]
+        k = len(self.free)
+        steps = self.joint.chosen[:k]
         # all steps by one share, so that the direction stays that of descent
         steps = _share_in_reach(steps, self.free, self.values, model) * steps
         return _mean_within_bounds(
             self.free_values() + steps,
-            self.covariance,
+            # what bounds leave to the others is the cost's to say, not the scatter's over blocks
+            self.joint.row_covariance[:k, :k],
             np.array([fit_bounds(name, model) for name in self.free]).T,
         )
 
@@ -574,25 +576,31 @@ def polish(
     free, model = tuple(free), like.model
     at: _Point | None = None
     first: _Point | None = None
+    share = 1.0
     for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_free_amplitude((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
-        # one noise for all rounds: costs under several would not compare
+        # one noise and one feedback for all rounds: costs under several would not compare
+        if first:
+            system = system.with_endogenous_parts_of(first.regression.system)
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
         noise = noise_so_far or estimate_noise(system, free_columns(system))
         there = _linearise(values, free, whiten_system(system, noise), model)
-        # the step promised more than it kept: half of the way back, from the best point so far
+        # a step that promised more than it kept: half of it, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
-            values = at.values_at(0.5 * (at.free_values() + there.free_values()))
-            continue
-        at, first = there, first or there
-        values = at.values_at(at.next_values(model))
+            share = 0.5 * share
+        else:
+            at, first, share = there, first or there, min(1.0, 2.0 * share)
+        now, then = at.free_values(), at.next_values(model)
+        # rounding leads out of no bounds
+        between = np.clip(now + share * (then - now), np.minimum(now, then), np.maximum(now, then))
+        values = at.values_at(between)
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
             # far from where its noise was measured, the fit goes on with that of the new place
             if at.sds_to(first.values) < SDS_95:
                 break
-            first = None
+            first, share = None, 1.0
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
     joint = _refit_trims(at.regression, at.chosen, at.joint, len(free))

@@ -18,9 +18,11 @@ from ges.diagnose.design.system import build, nuisance_of, residuals_with
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.whiten import variance_covariate, whiten
 from ges.diagnose.estimate.fit import JointFit, correction_bounds, joint_fit, with_corrections
+from ges.diagnose.library.candidates import fit_bounds
 from ges.diagnose.select.evidence import Regression, gram_of, whiten_system
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.keys import ParameterKey
+from ges.diagnose.types.model import SPEED, Model
 
 
 def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> dict[str, float]:
@@ -61,9 +63,21 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     # not even most of the linear step holds it multiplies others, and moves with them
     most = settings.statistics.certain_sds
     within = {
-        k: v for k, v in corrections.items() if abs(v) <= most * regression.system.prior_sd(k)
+        key: value
+        for key, value in corrections.items()
+        if abs(value) <= most * regression.system.prior_sd(key)
+        or not _is_searched(key, value, nominal)
     }
     return within if mostly_linear else corrections
+
+
+def _is_searched(key: str, value: float, nominal: Model) -> bool:
+    """Return whether a fit of an effect reaches a correction; a motor is never searched faster."""
+    name = ParameterKey.of(key)
+    if key == SPEED:
+        return False
+    low, high = fit_bounds((name.effect, name.parameter), nominal)
+    return low <= value <= high
 
 
 def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
@@ -125,13 +139,11 @@ def _linearise(
 ) -> Regression:
     """Return the regression of the nuisances, linearised with these corrections.
 
-    The noise stays the same.
+    Noise and feedback errors stay the same: costs under several likelihoods would not compare.
     """
     system = regression.system
     there = at_corrections(nominal, corrections)
-    return whiten_system(
-        build(system.recordings, there, (), length_s=system.length_s), regression.noise
-    )
+    return whiten_system(build(system.recordings, there, (), system), regression.noise)
 
 
 def _step(regression: Regression, joint: JointFit) -> dict[str, float]:
