@@ -81,8 +81,18 @@ def parameter_vector(given: Mapping[str, float]) -> np.ndarray:
     UsageError
         When a name is unknown.
     """
+    defaults, places = _defaults()
+    vector = defaults.copy()
+    for name, value in given.items():
+        if name not in places:
+            raise unknown_name("parameter", name, parameters())
+        vector[places[name]] = value
+    return vector
+
+
+@functools.lru_cache(maxsize=1)
+def _defaults() -> tuple[np.ndarray, dict[str, int]]:
+    """Return every default (k,), and the place of each name."""
     known = parameters()
-    for name in given:
-        if name not in known:
-            raise unknown_name("parameter", name, known)
-    return np.array([float(given.get(name, p.default)) for name, p in known.items()])
+    defaults = np.array([p.default for p in known.values()])
+    return defaults, {name: i for i, name in enumerate(known)}
