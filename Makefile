@@ -22,7 +22,7 @@ BIN := $(VENV)/bin
 # A process a core, on that core alone: threads that wait for a core which another test has cost as
 # much as those that work. Files stay together, so that a fixture of a file is made once, until a
 # process has nothing left to do.
-PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal
+PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations 40
 
 .PHONY: all test test-all proof env build docs site example lint lock clean check-python check-cc
 .DEFAULT_GOAL := all

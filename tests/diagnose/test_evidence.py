@@ -137,7 +137,7 @@ def test_a_trim_moment_is_taken_out_of_what_follows_the_controller_alone():
     column = windows.mean @ (3.0 + 0.5 * thrust + motion)
     x = table_of([{0: column}, {0: column}], len(column), 1)
     x = subtract_trims(
-        ("inertia.xx", "cg_offset.x_m"),
+        [0],
         x,
         windows,
         ("moment_x",),
@@ -158,7 +158,7 @@ def test_a_moment_that_turned_the_vehicle_is_no_trim():
     windows = make_windows(t, np.ones(len(t), bool), 0.2)
     x = table_of([{0: windows.mean @ (3.0 + turning)}], len(windows), 1)
     flying = np.ones(len(windows), bool)
-    x = subtract_trims(("inertia.xx",), x, windows, ("moment_x",), thrust, omega, flying)
+    x = subtract_trims([0], x, windows, ("moment_x",), thrust, omega, flying)
     left = x.of(0, [0])[:, 0]
     share = np.polyfit(windows.mean @ turning, left, 1)[0]
     assert share > 0.4 and abs(left.mean()) < 0.5

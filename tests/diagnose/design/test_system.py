@@ -18,6 +18,7 @@ from ges.diagnose.design.system import (
     residuals_with,
     thrust_change,
     window_length_s,
+    with_trims_of,
 )
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.prepare.align import CommandHold
@@ -100,6 +101,40 @@ def test_columns_of_top_speed_are_differences_of_the_vehicle_itself():
     change = (lost - other) / 30.0
     np.testing.assert_allclose(rows.x.of(c, [k])[:, 0], change, atol=1e-9)
     assert rows.x.of(c, [k]).mean() == pytest.approx(MODEL.hover_rad_s / 1000.0, rel=0.05)
+
+
+def test_nuisance_columns_stay_as_they_were_beside_an_effect():
+    """Taken out once more, with the thrust that the effect makes, a trim would not be the same."""
+    flight = manoeuvre()
+    by_commands = {n: v for n, v in flight.columns.items() if n not in rotor_speed(4)}
+    flights = [flight.replace(columns=by_commands)]
+    before = build(flights, MODEL, [])
+    after = build(flights, MODEL.with_effects({"thrust_curve": {"c": 0.8}}), [], before)
+    for one, other in zip(before.flights, after.flights, strict=True):
+        for c in range(len(before.names)):
+            assert np.array_equal(one.x.all_of(c), other.x.all_of(c))
+
+
+def test_a_residual_is_without_the_trim_that_its_column_is_without():
+    """Else a step along the column of a lag would not do what the column says."""
+    flight = manoeuvre()
+    by_commands = {n: v for n, v in flight.columns.items() if n not in rotor_speed(4)}
+    start = build([flight.replace(columns=by_commands)], MODEL, [])
+    variant, step = Variant("inertia", {}, (amplitude_of("inertia", "xx"),)), 0.01
+    one, other = (
+        build(start.recordings, MODEL.with_effects({"inertia": {"xx": xx}}), [variant], start)
+        for xx in (0.5, 0.5 + step)
+    )
+    c = one.names.index("moment_x")
+    k = next(k for k, column in enumerate(one.columns) if column.variant is not None)
+    rows = one.flights[0]
+    expected = step * rows.x.of(c, [k])[:, 0]
+    moved = [
+        a.flights[0].y[:, c] - b.flights[0].y[:, c]
+        for a, b in ((one, other), (with_trims_of(one, MODEL), with_trims_of(other, MODEL)))
+    ]
+    off = [np.abs(m - expected)[rows.air].max() for m in moved]
+    assert off[1] < 0.05 * np.abs(expected).max() < 0.2 * off[0]
 
 
 def test_residuals_with_a_model_are_those_of_its_own_system():

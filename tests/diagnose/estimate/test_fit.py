@@ -131,6 +131,40 @@ def test_a_number_that_a_candidate_frees_is_no_nuisance_beside_it():
     assert joint.common == {} and joint.chosen[0] == pytest.approx(0.5, abs=0.1)
 
 
+def _alike(columns, sizes):
+    """Flights without noise, and two columns with a correlation of .8."""
+    rng = np.random.default_rng(1)
+    first = rng.standard_normal((FLIGHTS, ROWS))
+    second = 0.8 * first + 0.6 * rng.standard_normal((FLIGHTS, ROWS))
+    rows = [
+        rows_of((sizes[0] * a + sizes[1] * b)[:, None], [{0: a}, {0: b}])
+        for a, b in zip(first, second, strict=True)
+    ]
+    return make_regression(system_of(("force_z",), columns, rows, MODEL))
+
+
+def test_a_bounded_number_stays_at_its_bound_where_the_candidates_stand_still():
+    regression = _alike((DRAG, nuisance("inertia.xx", 5.0)), (0.7, -1.5))
+    joint = joint_fit(regression, [0])
+    assert joint.common["inertia.xx"] == pytest.approx(-0.7)
+    still = joint_fit(regression, [0], np.zeros(1), np.full(1, 1e-6))
+    assert still.common["inertia.xx"] == pytest.approx(-0.7)
+    assert joint.cost_without(1) == pytest.approx(still.cost, rel=1e-6)
+    # as if the number were free, it would be another
+    moved = joint.chosen[0] ** 2 / joint.row_covariance[0, 0]
+    assert joint.cost + moved != pytest.approx(joint.cost_without(1), rel=1e-3)
+
+
+def test_a_candidate_at_its_bound_leaves_the_rest_to_the_others():
+    regression = _alike((DRAG, amplitude("translational_lift.c", high=1e9)), (0.7, 0.3))
+    joint = joint_fit(regression, [0, 1])
+    steps = joint.steps_within(np.array([[-math.inf, 0.2], [-math.inf, math.inf]]))
+    a, b = (np.concatenate([w.parts[0].of([k])[0][0] for w in regression.whites]) for k in (0, 1))
+    y = np.concatenate([w.parts[0].y[0] for w in regression.whites])
+    assert steps[0] == pytest.approx(0.2)
+    assert steps[1] == pytest.approx(b @ (y - 0.2 * a) / (b @ b), rel=1e-3)
+
+
 def test_corrections_are_counted_from_the_vehicle_file():
     moved = dataclasses.replace(MODEL, corrections={"inertia.xx": 0.4})
     here, there = (

@@ -93,7 +93,7 @@ def moves_a_speed(key: str) -> bool:
 
 
 def subtract_trims(
-    keys: Sequence[str],
+    dynamic: Collection[int],
     x: ColumnTable,
     windows: Windows,
     names: Sequence[str],
@@ -105,7 +105,8 @@ def subtract_trims(
 
     Parameters
     ----------
-    keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
+    dynamic : numbers of these columns.
+    x : the columns (m, C, K).
     windows : m windows of the flight.
     names : of the C channels.
     thrust : (n,) N.
@@ -122,7 +123,8 @@ def subtract_trims(
     though thrust may have changed with it in repeated turns. So the angular acceleration is a
     regressor as well, and stays.
     """
-    dynamic = np.array([feedback_of(key) == "dynamic" for key in keys], dtype=bool)
+    is_dynamic = np.zeros(x.shape[2], dtype=bool)
+    is_dynamic[list(dynamic)] = True
     constant_and_thrust = np.column_stack([np.ones(len(thrust)), thrust])
     values = [list(columns) for columns in x.values]
 
@@ -133,11 +135,11 @@ def subtract_trims(
         return (mean @ constant_and_thrust)[air], (rate @ omega)[air]
 
     for c, name in enumerate(names):
-        if block_of(name) != "moment" or not dynamic[x.at[c]].any():
+        if block_of(name) != "moment" or not is_dynamic[x.at[c]].any():
             continue
         trim, rates = held_and_turned(MarkedChannel.of(name).mark)
         rotation = rates[:, AXES.index(name[len("moment_")])]
-        places = np.flatnonzero(dynamic[x.at[c]])
+        places = np.flatnonzero(is_dynamic[x.at[c]])
         columns = np.stack([values[c][k] for k in places], axis=1)
         regressors = np.column_stack([trim, rotation])
         # both are fitted, the trim alone is taken out

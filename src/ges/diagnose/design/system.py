@@ -15,6 +15,7 @@ from ges.diagnose.design.feedback import (
     EndogenousParts,
     FlightInstruments,
     endogenous_parts,
+    feedback_of,
     flight_instruments,
     merge_endogenous_parts,
     subtract_trims,
@@ -27,6 +28,7 @@ from ges.diagnose.design.residual import (
     evaluate,
     fly_drives,
     have_same_drive,
+    motion_of,
     replay_with_each,
     with_higher_orders,
 )
@@ -651,8 +653,11 @@ def flight_rows(
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)
     # what is constant in a moment, or goes with this thrust, is a trim
     keys = [c.key for c in columns]
-    thrust = model.number("thrust_coefficient_N_s2") * (base.drive.acting**2).sum(axis=1)
-    x = subtract_trims(keys, x, windows, names, thrust, base.motion.omega, air)
+    thrust = _thrust_N(model, base.drive)
+    dynamic = [
+        k for k, c in enumerate(columns) if c.recipe in new and feedback_of(c.key) == "dynamic"
+    ]
+    x = subtract_trims(dynamic, x, windows, names, thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
         instruments = like.instruments if like else None
     else:
@@ -734,6 +739,49 @@ def flight_residuals(rows: FlightRows, names: Sequence[str], model: Model) -> np
     here = _channels_of_flight(rows.flight, rows.windows, model, names)
     y = _in_all_channels(names, here, evaluate(rows.flight, rows.windows, model, here))
     return np.where(np.isfinite(rows.y), y, np.nan)
+
+
+def _thrust_N(model: Model, drive: Drive) -> np.ndarray:
+    """Return nominal thrust of all rotors, (n,)."""
+    return model.number("thrust_coefficient_N_s2") * (drive.acting**2).sum(axis=1)
+
+
+def with_trims_of(system: System, other: Model) -> System:
+    """Return the system with the trims of moments of another model.
+
+    Parameters
+    ----------
+    system : of a model with effects whose columns lack their trim.
+    other : the model without these effects.
+
+    Notes
+    -----
+    A residual is without what its columns are without; else no cost falls along them.
+    """
+
+    def of_flight(rows: FlightRows) -> FlightRows:
+        before = flight_residuals(rows, system.names, other)
+        change = rows.y - before
+        whole = np.isfinite(change[rows.air]).all(axis=0)
+        moments = [c for c, n in enumerate(system.names) if block_of(n) == "moment" and whole[c]]
+        drive, motion = rows.drive, motion_of(rows.flight, system.model, system.model.effects)
+        if drive is None:
+            raise ValueError("the drive of a flight is not known; build the system anew")
+        without_trim = subtract_trims(
+            [0],
+            table_of([{c: change[:, c] for c in moments}], *rows.y.shape),
+            rows.windows,
+            system.names,
+            _thrust_N(system.model, drive),
+            motion.omega,
+            rows.air,
+        )
+        y = rows.y.copy()
+        for c in moments:
+            y[:, c] = before[:, c] + without_trim.of(c, [0])[:, 0]
+        return dataclasses.replace(rows, y=y)
+
+    return dataclasses.replace(system, flights=tuple(each(of_flight, system.flights)))
 
 
 def _drive_form_error(

@@ -16,7 +16,14 @@ from scipy.optimize import lsq_linear
 from scipy.special import ndtr, stdtrit
 
 from ges.conventions import SDS_95
-from ges.diagnose.design.system import System, build, nuisance_of, variant_of
+from ges.diagnose.design.feedback import feedback_of
+from ges.diagnose.design.system import (
+    System,
+    build,
+    nuisance_of,
+    variant_of,
+    with_trims_of,
+)
 from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import NoiseModel, White, estimate_noise
 from ges.diagnose.library.candidates import (
@@ -45,6 +52,45 @@ from ges.threads import each
 
 
 @dataclasses.dataclass(frozen=True)
+class _Equations:
+    """Normal equations of n unknowns within bounds; the cost is yy - 2 xy b + b xx b."""
+
+    xx: np.ndarray
+    xy: np.ndarray
+    yy: float
+    room: np.ndarray
+
+    @functools.cached_property
+    def inverse(self) -> np.ndarray:
+        """Inverse of the (n, n) matrix."""
+        # coefficients differ by many orders in their units
+        unit = 1.0 / np.sqrt(np.diag(self.xx))
+        scaled = self.xx * np.outer(unit, unit)
+        return np.linalg.pinv(scaled, hermitian=True) * np.outer(unit, unit)
+
+    def solution(self, room: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+        """Return the unknowns (n,) of least cost, and that cost.
+
+        The first ones may have other bounds, (k, 2).
+        """
+        room = self.room if room is None else np.vstack([room, self.room[len(room) :]])
+        beta = self.inverse @ self.xy
+        # most fits stay inside, and only others pay for a search
+        if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
+            unit = 1.0 / np.sqrt(np.diag(self.xx))
+            beta = _bounded_solution(self.xx, self.xy, unit, room)
+        # also where a bound holds it off the optimum
+        return beta, self.yy - float((2.0 * self.xy - self.xx @ beta) @ beta)
+
+    def without(self, count: int) -> _Equations:
+        """Return the equations with the first unknowns at zero."""
+        return _Equations(self.xx[count:, count:], self.xy[count:], self.yy, self.room[count:])
+
+
+_NO_EQUATIONS = _Equations(np.zeros((0, 0)), np.zeros(0), 0.0, np.zeros((0, 2)))
+
+
+@dataclasses.dataclass(frozen=True)
 class JointFit:
     """Coefficients of one fit.
 
@@ -57,6 +103,7 @@ class JointFit:
     common : common nuisances by key, as corrections of the vehicle file.
     common_sd : their standard deviations.
     by_flight : nuisances of each flight by key.
+    equations : of all unknowns, the chosen coefficients first.
     """
 
     chosen: np.ndarray
@@ -66,6 +113,29 @@ class JointFit:
     common: Mapping[str, float]
     common_sd: Mapping[str, float]
     by_flight: tuple[Mapping[str, float], ...]
+    equations: _Equations = _NO_EQUATIONS
+
+    def cost_without(self, count: int) -> float:
+        """Return the cost with the first coefficients at zero, and all else at its best.
+
+        Parameters
+        ----------
+        count : how many of :attr:`chosen` stay at zero.
+        """
+        return self.equations.without(count).solution()[1]
+
+    def steps_within(self, room: np.ndarray) -> np.ndarray:
+        """Return the first coefficients of least cost within bounds, with all else at its best.
+
+        Parameters
+        ----------
+        room : (k, 2) least and greatest value of the first k of :attr:`chosen`.
+
+        Returns
+        -------
+        (k,).
+        """
+        return self.equations.solution(room)[0][: len(room)]
 
 
 def joint_fit(
@@ -136,16 +206,13 @@ def joint_fit(
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
         yy += gram.yy
-    # coefficients differ by many orders in their units
-    unit = 1.0 / np.sqrt(np.diag(xx))
-    inverse = np.linalg.pinv(xx * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
-    beta = inverse @ xy
-    # only common numbers are bounded; most fits stay inside, and only others pay for a search
+    # only common numbers are bounded
     room = np.full((total, 2), [-math.inf, math.inf])
     for i, k in enumerate(common, start[1]):
         room[i] = correction_bounds(nuisances[k].key, regression.system.model)
-    if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
-        beta = _bounded_solution(xx, xy, unit, room)
+    # |y - x beta|^2 and the priors' share
+    equations = _Equations(xx, xy, yy, room)
+    inverse, (beta, cost) = equations.inverse, equations.solution()
     row_covariance = inverse[: sizes[0], : sizes[0]]
     covariance = row_covariance
     if sizes[0]:
@@ -161,11 +228,11 @@ def joint_fit(
         beta[: sizes[0]],
         covariance,
         row_covariance,
-        # |y - x beta|^2 and the priors' share, also where a bound holds beta off the optimum
-        yy - float((2.0 * xy - xx @ beta) @ beta),
+        cost,
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
+        equations,
     )
 
 
@@ -505,13 +572,7 @@ class _Point:
     @functools.cached_property
     def cost(self) -> float:
         """-2 log posterior at these values, with all nuisances at their optimum."""
-        # the joint cost is that of the full step; standing still costs its quadratic form more,
-        # with the inverse marginal covariance as the Hessian in which all else is at its best
-        k = len(self.free)
-        steps = self.joint.chosen[:k]
-        return self.joint.cost + float(
-            steps @ np.linalg.pinv(self.joint.row_covariance[:k, :k], hermitian=True) @ steps
-        )
+        return self.joint.cost_without(len(self.free))
 
     @property
     def covariance(self) -> np.ndarray:
@@ -539,16 +600,11 @@ class _Point:
 
         The cost is that of the linearisation.
         """
-        k = len(self.free)
-        steps = self.joint.chosen[:k]
+        now, bounds = self.free_values(), np.array([fit_bounds(n, model) for n in self.free])
+        steps = self.joint.steps_within(bounds - now[:, None])
         # all steps by one share, so that the direction stays that of descent
-        steps = _share_in_reach(steps, self.free, self.values, model) * steps
-        return _mean_within_bounds(
-            self.free_values() + steps,
-            # what bounds leave to the others is the cost's to say, not the scatter's over blocks
-            self.joint.row_covariance[:k, :k],
-            np.array([fit_bounds(name, model) for name in self.free]).T,
-        )
+        share = _share_in_reach(steps, self.free, self.values, model)
+        return np.clip(now + share * steps, *bounds.T)
 
 
 def polish(
@@ -574,23 +630,27 @@ def polish(
     A step that costs more than it saves is halved. After a far start the noise is estimated again.
     """
     free, model = tuple(free), like.model
+    dynamic = {e for e, p in free if feedback_of(f"{e}.{p}") == "dynamic"}
     at: _Point | None = None
     first: _Point | None = None
-    share = 1.0
+    flown, share = like, 1.0
     for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_free_amplitude((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         # one noise and one feedback for all rounds: costs under several would not compare
         if first:
             system = system.with_endogenous_parts_of(first.regression.system)
+        # what a column is without, its residual is without
+        without = model.with_effects({e: v for e, v in values.items() if e not in dynamic})
+        design = with_trims_of(system, without) if dynamic else system
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
-        noise = noise_so_far or estimate_noise(system, free_columns(system))
-        there = _linearise(values, free, whiten_system(system, noise), model)
+        noise = noise_so_far or estimate_noise(design, free_columns(design))
+        there = _linearise(values, free, whiten_system(design, noise), model)
         # a step that promised more than it kept: half of it, from the best point so far
         if at and first and there.cost > at.cost + settings.estimate.same_cost:
             share = 0.5 * share
         else:
-            at, first, share = there, first or there, min(1.0, 2.0 * share)
+            at, first, flown, share = there, first or there, system, min(1.0, 2.0 * share)
         now, then = at.free_values(), at.next_values(model)
         # rounding leads out of no bounds
         between = np.clip(now + share * (then - now), np.minimum(now, then), np.maximum(now, then))
@@ -603,8 +663,11 @@ def polish(
             first, share = None, 1.0
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
-    joint = _refit_trims(at.regression, at.chosen, at.joint, len(free))
-    return Fitted(at.values, free, at.covariance, joint, at.joint, at.regression)
+    if not dynamic and len(at.chosen) == len(free):
+        return Fitted(at.values, free, at.covariance, at.joint, at.joint, at.regression)
+    regression = whiten_system(flown, at.regression.noise) if dynamic else at.regression
+    joint = _refit_trims(regression, at.chosen, at.joint, len(free))
+    return Fitted(at.values, free, at.covariance, joint, at.joint, regression)
 
 
 def _linearise(
@@ -630,32 +693,15 @@ def _linearise(
     )
 
 
-def _mean_within_bounds(mean: np.ndarray, covariance: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Return the mean (k,) with parts beyond their bounds (2, k) clipped.
-
-    The others are conditional on those.
-    """
-    clipped = np.clip(mean, *bounds)
-    out = clipped != mean
-    if not out.any():
-        return mean
-    # mean of a normal given the parts that are held at their bounds
-    conditional = mean + covariance[:, out] @ np.linalg.solve(
-        covariance[np.ix_(out, out)], (clipped - mean)[out]
-    )
-    return np.where(out, clipped, np.clip(conditional, *bounds))
-
-
 def _refit_trims(
     regression: Regression, chosen: Sequence[int], joint: JointFit, count: int
 ) -> JointFit:
     """Refit the trims without the separate coefficients of small moments.
 
     The search gives moments coefficients of their own; a vehicle file cannot. Other nominal
-    parameters are pinned at their joint estimates, so only trims absorb the difference.
+    parameters are pinned at their joint estimates, so only trims absorb the difference. So it is
+    with the trims that dynamic effects make.
     """
-    if len(chosen) == count:
-        return joint
     firm, priors = settings.estimate.converged_sds, pinned_priors(joint)
     refit = joint_fit(
         regression,
