@@ -27,6 +27,7 @@ from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,6 +124,11 @@ def _accept_in_gusts(
     decisions = DecisionLog()
     again = accept(blown.regression, decisions)
     still = _gusts(again, start, nominal_gusts)
+    if not still:
+        # gusts act through a drag: it stands, however little of it mean winds leave certain
+        kept = [name for name in accepted.names if not effect_table.get(name).moves_air]
+        again = accept(blown.regression, decisions, kept)
+        still = _gusts(again, start, nominal_gusts)
     if not still:
         return start, accepted, gusts
     record.become(decisions)
