@@ -60,6 +60,11 @@ class _Equations:
     yy: float
     room: np.ndarray
 
+    @classmethod
+    def of_nothing(cls) -> _Equations:
+        """Return the equations of no unknown."""
+        return cls(np.zeros((0, 0)), np.zeros(0), 0.0, np.zeros((0, 2)))
+
     @functools.cached_property
     def inverse(self) -> np.ndarray:
         """Inverse of the (n, n) matrix."""
@@ -87,9 +92,6 @@ class _Equations:
         return _Equations(self.xx[count:, count:], self.xy[count:], self.yy, self.room[count:])
 
 
-_NO_EQUATIONS = _Equations(np.zeros((0, 0)), np.zeros(0), 0.0, np.zeros((0, 2)))
-
-
 @dataclasses.dataclass(frozen=True)
 class JointFit:
     """Coefficients of one fit.
@@ -113,7 +115,7 @@ class JointFit:
     common: Mapping[str, float]
     common_sd: Mapping[str, float]
     by_flight: tuple[Mapping[str, float], ...]
-    equations: _Equations = _NO_EQUATIONS
+    equations: _Equations = dataclasses.field(default_factory=_Equations.of_nothing)
 
     def cost_without(self, count: int) -> float:
         """Return the cost with the first coefficients at zero, and all else at its best.
