@@ -62,11 +62,16 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     # a number beyond its prior is no correction: the search tells what it is, from the file. Where
     # not even most of the linear step holds it multiplies others, and moves with them
     most = settings.statistics.certain_sds
+    # the sd of what flights make of a number, as its prior predicts it: a prior that draws an
+    # uncertain number halfway back does not put it within reach
+    moved_sd = {
+        key: math.sqrt(max(regression.system.prior_sd(key) ** 2 - joint.common_sd[key] ** 2, 0.0))
+        for key in corrections
+    }
     within = {
         key: value
         for key, value in corrections.items()
-        if abs(value) <= most * regression.system.prior_sd(key)
-        or not _is_searched(key, value, nominal)
+        if abs(value) <= most * moved_sd[key] or not _is_searched(key, value, nominal)
     }
     return within if mostly_linear else corrections
 
