@@ -65,11 +65,15 @@ class _Equations:
         """Return the equations of no unknown."""
         return cls(np.zeros((0, 0)), np.zeros(0), 0.0, np.zeros((0, 2)))
 
+    @property
+    def unit(self) -> np.ndarray:
+        """Size of each unknown, (n,): they differ by many orders in their units."""
+        return 1.0 / np.sqrt(np.diag(self.xx))
+
     @functools.cached_property
     def inverse(self) -> np.ndarray:
         """Inverse of the (n, n) matrix."""
-        # coefficients differ by many orders in their units
-        unit = 1.0 / np.sqrt(np.diag(self.xx))
+        unit = self.unit
         scaled = self.xx * np.outer(unit, unit)
         return np.linalg.pinv(scaled, hermitian=True) * np.outer(unit, unit)
 
@@ -82,8 +86,7 @@ class _Equations:
         beta = self.inverse @ self.xy
         # most fits stay inside, and only others pay for a search
         if np.any((beta < room[:, 0]) | (beta > room[:, 1])):
-            unit = 1.0 / np.sqrt(np.diag(self.xx))
-            beta = _bounded_solution(self.xx, self.xy, unit, room)
+            beta = _bounded_solution(self.xx, self.xy, self.unit, room)
         # also where a bound holds it off the optimum
         return beta, self.yy - float((2.0 * self.xy - self.xx @ beta) @ beta)
 
@@ -643,8 +646,8 @@ def polish(
         if first:
             system = system.with_endogenous_parts_of(first.regression.system)
         # what a column is without, its residual is without
-        without = model.with_effects({e: v for e, v in values.items() if e not in dynamic})
-        design = with_trims_of(system, without) if dynamic else system
+        others = {e: v for e, v in values.items() if e not in dynamic}
+        design = with_trims_of(system, model.with_effects(others)) if dynamic else system
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
         noise = noise_so_far or estimate_noise(design, free_columns(design))
         there = _linearise(values, free, whiten_system(design, noise), model)

@@ -78,10 +78,9 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
 
 def _is_searched(key: str, value: float, nominal: Model) -> bool:
     """Return whether a fit of an effect reaches a correction; a motor is never searched faster."""
-    name = ParameterKey.of(key)
     if key == SPEED:
         return False
-    low, high = fit_bounds((name.effect, name.parameter), nominal)
+    low, high = fit_bounds(ParameterKey.of(key), nominal)
     return low <= value <= high
 
 
