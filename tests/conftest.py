@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import fcntl
 import os
 import subprocess
 from pathlib import Path
@@ -16,11 +17,17 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope="session")
 def sanitized(tmp_path_factory) -> Path:
-    """A build of the simulator that ends at the first bad address or undefined operation."""
-    build = tmp_path_factory.mktemp("sanitized")
+    """A build of the simulator that ends at the first bad address or undefined operation, once
+    for all processes of a run.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    build = folder / "sanitized"
     flags = "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
     make = ["make", "-s", "-j2", "-C", ROOT / "sim_c", f"BUILD={build}", "OPT=-O1"]
-    compiled = subprocess.run([*make, f"SANITIZE={flags}"], capture_output=True, text=True)
+    with (folder / "sanitized.lock").open("w") as alone:
+        fcntl.flock(alone, fcntl.LOCK_EX)
+        compiled = subprocess.run([*make, f"SANITIZE={flags}"], capture_output=True, text=True)
     if "cannot find -lasan" in compiled.stderr or "libasan" in compiled.stderr:
         pytest.skip("the compiler has no sanitizer libraries")
     assert compiled.returncode == 0, compiled.stderr

@@ -11,15 +11,15 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-LONGER = int(os.environ.get("GES_FUZZ", "1"))
+LONGER = float(os.environ.get("GES_FUZZ", "1"))
 """How many times the usual examples; beyond one they are other examples in every run."""
 
 
 def examples(count: int) -> settings:
     """About thirty seconds of a test are so many examples."""
     return settings(
-        max_examples=count * LONGER,
-        derandomize=LONGER == 1,
+        max_examples=max(1, round(count * LONGER)),
+        derandomize=LONGER <= 1,
         database=None,
         deadline=None,
         suppress_health_check=list(HealthCheck),
