@@ -190,8 +190,9 @@ def test_an_amplitude_that_its_shape_leaves_open_does_not_stand(amplitude, prove
     """
     covariance = np.array([[0.01, 0.00999], [0.00999, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
+    joint = SimpleNamespace(chosen=np.array([1.0 * (amplitude == 2.0), 0.0]))
     fitted = Fitted(
-        {"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, None, None, BOARD
+        {"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, joint, joint, BOARD
     )
     assert fitted.sds_from_neutral("ground_effect", "c_a") > 3.0
     assert significant(fitted, "ground_effect").passed == proven
@@ -278,11 +279,15 @@ def test_a_vehicle_of_unknown_attitude_may_lean_by_anything():
     assert level == 0.0 and rolled == pytest.approx(np.sin(0.2)) and unknown == np.inf
 
 
-@pytest.mark.parametrize(("tau_s", "at_bound"), [(0.0, False), (0.4, False), (1.0, True)])
-def test_what_stands_at_a_bound_and_is_not_neutral_is_a_form_error(tau_s, at_bound):
-    free = (("rangefinder_lag", "tau_s"),)
+@pytest.mark.parametrize(
+    ("tau_s", "more_s", "at_bound"),
+    [(0.0, 0.0, False), (0.4, 0.0, False), (1.0, 0.1, True), (1.0, 0.0005, False)],
+)
+def test_what_flights_ask_for_beyond_a_bound_is_a_form_error(tau_s, more_s, at_bound):
+    """As they do not where the optimum is beyond it by less than its sd."""
+    free, joint = (("rangefinder_lag", "tau_s"),), SimpleNamespace(chosen=np.array([more_s]))
     fitted = Fitted(
-        {"rangefinder_lag": {"tau_s": tau_s}}, free, 1e-6 * np.eye(1), None, None, BOARD
+        {"rangefinder_lag": {"tau_s": tau_s}}, free, 1e-6 * np.eye(1), joint, joint, BOARD
     )
     assert parameters_at_bounds(fitted) == (list(free) if at_bound else [])
 

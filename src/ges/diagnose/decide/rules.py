@@ -353,9 +353,10 @@ def significant(fitted: Fitted, name: str) -> Decision:
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
-    """Return amplitudes at a bound of the library, and places on the body at its hull.
+    """Return amplitudes beyond a bound of the library, and places on the body at its hull.
 
-    The flights ask for more than the effect can be: something else is behind it.
+    The flights ask for more than the effect can be: something else is behind it. An amplitude whose
+    optimum is no farther beyond its bound than its sd may well be what the bound allows.
 
     Parameters
     ----------
@@ -371,7 +372,8 @@ def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
         value, effect, a = fitted.effects[e][p], effect_table.get(e), amplitude_of(e, p)
         at_hull = effect.parameter(p).reach_over == HULL and value in fit_bounds((e, p), model)
         is_amplitude = p not in effect.shapes and value != a.neutral
-        if at_hull or is_amplitude and value in (a.low, a.high):
+        is_beyond = value in (a.low, a.high) and fitted.sds_beyond_bound(e, p) > 1.0
+        if at_hull or is_amplitude and is_beyond:
             at_bounds.append((e, p))
     return at_bounds
 

@@ -374,6 +374,20 @@ class Fitted:
         i = self.free.index((effect, parameter))
         return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
 
+    def sds_beyond_bound(self, effect: str, parameter: str) -> float:
+        """Return the distance of the optimum from the fitted value, in the parameter's sd.
+
+        Parameters
+        ----------
+        effect, parameter : names of both.
+
+        Notes
+        -----
+        Only a bound of the parameter keeps a fit that converged from its optimum.
+        """
+        i = self.free.index((effect, parameter))
+        return abs(float(self.joint_free_moments.chosen[i])) / self.sd(effect, parameter)
+
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
         """Return the distance of an amplitude from neutral in its sd, given the effect's shape.
 
