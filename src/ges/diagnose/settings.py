@@ -621,9 +621,6 @@ class EstimateSettings:
         "Step that ends a fit, and prior sd of what is held in one.",
         Numerical("results are the same from anywhere (commit 6a9f74a)"),
     )
-    same_cost: float = number(
-        0.5, "", "Rise of -2 log posterior that halves a step.", Numerical("columns are secants")
-    )
     form_error: float = number(
         0.12,
         "",

@@ -11,6 +11,7 @@ from ges.diagnose.estimate.fit import (
     Fitted,
     JointFit,
     _refit_trims,
+    _secant_share,
     correction_bounds,
     fitted_model,
     joint_fit,
@@ -365,3 +366,19 @@ def test_a_lag_is_not_what_a_lever_is_wrong_by():
     assert told.common_sd["motor_lag.up_s"] == apart.common_sd["motor_lag.up_s"]
     assert told.common["weak_rotor.loss_1"] < apart.common["weak_rotor.loss_1"] - 0.05
     assert told.chosen == pytest.approx(apart.chosen[:1], abs=0.01)
+
+
+@pytest.mark.parametrize("gain", [0.4, 1.0, 1.6])
+def test_a_step_that_is_off_by_a_factor_is_so_once(gain):
+    """Whole steps would go on by the share 1 - gain of the way, and circle beyond two."""
+    at, share, before = np.array([3.0, -1.0]), 1.0, np.zeros(2)
+    for _ in range(4):
+        step = -gain * at
+        share = _secant_share(share, before, step)
+        at, before = at + share * step, step
+    assert np.abs(at).max() < 1e-6
+
+
+def test_a_share_grows_by_no_more_than_two():
+    step = np.array([1.0, 0.5])
+    assert _secant_share(0.5, step, step) == 1.0

@@ -651,13 +651,15 @@ def flight_rows(
     x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
     # a beam that tilted a little further would see no ground
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)
-    # what is constant in a moment, or goes with this thrust, is a trim
     keys = [c.key for c in columns]
     thrust = _thrust_N(model, base.drive)
     dynamic = [
         k for k, c in enumerate(columns) if c.recipe in new and feedback_of(c.key) == "dynamic"
     ]
-    x = subtract_trims(dynamic, x, windows, names, thrust, base.motion.omega, air)
+    # what is constant in a moment, or goes with thrust, is a trim; with other trims in every round
+    # of a fit no cost would fall along the columns
+    trim_thrust = _thrust_N(model, like.drive) if like and like.drive else thrust
+    x = subtract_trims(dynamic, x, windows, names, trim_thrust, base.motion.omega, air)
     if like or not settings.design.instruments:
         instruments = like.instruments if like else None
     else:
@@ -746,25 +748,26 @@ def _thrust_N(model: Model, drive: Drive) -> np.ndarray:
     return model.number("thrust_coefficient_N_s2") * (drive.acting**2).sum(axis=1)
 
 
-def with_trims_of(system: System, other: Model) -> System:
+def with_trims_of(system: System, other: Model, like: System) -> System:
     """Return the system with the trims of moments of another model.
 
     Parameters
     ----------
     system : of a model with effects whose columns lack their trim.
     other : the model without these effects.
+    like : system of the same flights that ``system`` was built like; a trim goes with its thrust.
 
     Notes
     -----
     A residual is without what its columns are without; else no cost falls along them.
     """
 
-    def of_flight(rows: FlightRows) -> FlightRows:
+    def of_flight(rows: FlightRows, like_rows: FlightRows) -> FlightRows:
         before = flight_residuals(rows, system.names, other)
         change = rows.y - before
         whole = np.isfinite(change[rows.air]).all(axis=0)
         moments = [c for c, n in enumerate(system.names) if block_of(n) == "moment" and whole[c]]
-        drive, motion = rows.drive, motion_of(rows.flight, system.model, system.model.effects)
+        drive, motion = like_rows.drive, motion_of(rows.flight, system.model, system.model.effects)
         if drive is None:
             raise ValueError("the drive of a flight is not known; build the system anew")
         without_trim = subtract_trims(
@@ -781,7 +784,8 @@ def with_trims_of(system: System, other: Model) -> System:
             y[:, c] = before[:, c] + without_trim.of(c, [0])[:, 0]
         return dataclasses.replace(rows, y=y)
 
-    return dataclasses.replace(system, flights=tuple(each(of_flight, system.flights)))
+    flights = each(of_flight, system.flights, like.flights)
+    return dataclasses.replace(system, flights=tuple(flights))
 
 
 def _drive_form_error(

@@ -598,6 +598,11 @@ class _Point:
         """Of the free parameters, (k, k)."""
         return self.joint.covariance[: len(self.free), : len(self.free)]
 
+    @property
+    def sds(self) -> np.ndarray:
+        """Standard deviations of the free parameters, (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
     def free_values(self) -> np.ndarray:
         """Return the free parameters, (k,)."""
         return np.array([self.values[e][p] for e, p in self.free])
@@ -612,18 +617,32 @@ class _Point:
     def sds_to(self, values: effect_table.Effects) -> float:
         """Return the largest distance of a free parameter to other values, in its sd."""
         away = np.array([values[e][p] for e, p in self.free]) - self.free_values()
-        return float(np.max(np.abs(away) / np.sqrt(np.diag(self.covariance)), initial=0.0))
+        return float(np.max(np.abs(away) / self.sds, initial=0.0))
 
-    def next_values(self, model: Model) -> np.ndarray:
-        """Return free parameters (k,) of least cost, within their bounds.
+    def steps_within(self, bounds: np.ndarray) -> np.ndarray:
+        """Return the step of the free parameters (k,) to the least cost of the linearisation.
 
-        The cost is that of the linearisation.
+        The parameters stay within their bounds (2, k).
         """
-        now, bounds = self.free_values(), np.array([fit_bounds(n, model) for n in self.free])
-        steps = self.joint.steps_within(bounds - now[:, None])
-        # all steps by one share, so that the direction stays that of descent
-        share = _share_in_reach(steps, self.free, self.values, model)
-        return np.clip(now + share * steps, *bounds.T)
+        return self.joint.steps_within((bounds - self.free_values()).T)
+
+
+def _secant_share(share: float, before: np.ndarray, now: np.ndarray) -> float:
+    """Return the share of a step that ends it, by the share of the step before.
+
+    Parameters
+    ----------
+    share : of the step before that was taken.
+    before, now : both steps whole, (k,), in sds.
+
+    References
+    ----------
+    Barzilai and Borwein 1988, *IMA J. Numer. Anal.* 8, 141, of Gauss-Newton steps; no more than
+    twice the share.
+    """
+    length = float(before @ before)
+    rest = float(before @ now) / length if length else 0.0
+    return share / max(1.0 - rest, 0.5)
 
 
 def polish(
@@ -646,13 +665,15 @@ def polish(
 
     Notes
     -----
-    A step that costs more than it saves is halved. After a far start the noise is estimated again.
+    A step that costs more than it saves is halved, until it promises no difference. After a far
+    start the noise is estimated again.
     """
     free, model = tuple(free), like.model
     dynamic = {e for e, p in free if feedback_of(f"{e}.{p}") == "dynamic"}
     at: _Point | None = None
     first: _Point | None = None
-    flown, share = like, 1.0
+    flown, taken, steps = like, 1.0, np.zeros(len(free))
+    bounds = np.array([fit_bounds(name, model) for name in free]).T
     for _ in range(settings.numerics.fit_rounds):
         variants = [Variant(e, {}, (_free_amplitude((e, p), values, model),)) for e, p in free]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
@@ -661,25 +682,30 @@ def polish(
             system = system.with_endogenous_parts_of(first.regression.system)
         # what a column is without, its residual is without
         others = {e: v for e, v in values.items() if e not in dynamic}
-        design = with_trims_of(system, model.with_effects(others)) if dynamic else system
+        design = with_trims_of(system, model.with_effects(others), like) if dynamic else system
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
         noise = noise_so_far or estimate_noise(design, free_columns(design))
         there = _linearise(values, free, whiten_system(design, noise), model)
-        # a step that promised more than it kept: half of it, from the best point so far
-        if at and first and there.cost > at.cost + settings.estimate.same_cost:
-            share = 0.5 * share
+        # a step that promised more than it kept: half of it, from the best point so far. A cost of
+        # one is that of one sd, and less than columns that are secants tell
+        if at and first and there.cost > at.cost + 1.0:
+            share = 0.5 * taken
+            # along the step the linearisation's cost is a parabola
+            if share * (2.0 - share) * (at.cost - at.joint.cost) < 1.0:
+                break
         else:
-            at, first, flown, share = there, first or there, system, min(1.0, 2.0 * share)
-        now, then = at.free_values(), at.next_values(model)
-        # rounding leads out of no bounds
-        between = np.clip(now + share * (then - now), np.minimum(now, then), np.maximum(now, then))
-        values = at.values_at(between)
+            at, first, flown = there, first or there, system
+            before, steps = steps, at.steps_within(bounds)
+            share = _secant_share(taken, before / at.sds, steps / at.sds)
+        # all by one share, so that the direction stays that of descent
+        taken = share * _share_in_reach(share * steps, free, at.values, model)
+        values = at.values_at(np.clip(at.free_values() + taken * steps, *bounds))
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
             # far from where its noise was measured, the fit goes on with that of the new place
             if at.sds_to(first.values) < SDS_95:
                 break
-            first, share = None, 1.0
+            first, taken, steps = None, 1.0, np.zeros(len(free))
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
     if not dynamic and len(at.chosen) == len(free):
