@@ -142,6 +142,14 @@ def test_what_is_within_four_prior_sds_does_not_stand_however_clear(name, parame
     assert significant(fitted, name).passed == proven
 
 
+@pytest.mark.parametrize(("delay_s", "proven"), [(0.003, False), (0.03, True)])
+def test_a_delay_has_its_prior_where_none_is_free(delay_s, proven):
+    """Without logged rotor speeds no column is that of a delay within its prior."""
+    effects, free = {"esc_delay": {"delay_s": delay_s}}, (("esc_delay", "delay_s"),)
+    fitted = Fitted(effects, free, 1e-7 * np.eye(1), None, None, BOARD)
+    assert significant(fitted, "esc_delay").passed == proven
+
+
 @pytest.mark.parametrize(("sds", "proven"), [(4.4, False), (4.7, True)])
 def test_a_number_of_the_file_has_to_be_certain(sds, proven):
     """Ten of them are free in every fit. A form error is part of the sd."""

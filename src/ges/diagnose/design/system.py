@@ -338,7 +338,7 @@ def nuisances(
         present.add("command")
     voltage = all(f.has("battery") for f in flights)
     listed = [
-        _nuisance(f"{effect.name}.{p.name}", p.prior, model, flights)
+        nuisance_with_prior(f"{effect.name}.{p.name}", p.prior, model, flights)
         for effect in effect_table.table().values()
         if attitude_measured(flights) or not needs_attitude(effect.name)
         if not effect.modifies or effect.modifies in model.effects
@@ -357,10 +357,18 @@ def nuisances(
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
 
 
-def _nuisance(
+def nuisance_with_prior(
     key: str, prior: effect_table.ParameterPrior, model: Model, flights: Sequence[Prepared]
 ) -> Nuisance:
-    """Return one parameter with its priors, centred on the vehicle file."""
+    """Return one parameter with its priors, centred on the vehicle file.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    prior : of the descriptor.
+    model : of the vehicle; prior sds of its file replace the usual ones.
+    flights : prepared recordings.
+    """
     effect, parameter = ParameterKey.of(key)
     unit = model.arm_m if prior.per_arm else 1.0
     sd = model.prior_sds.get(key, unit * prior.sd)
