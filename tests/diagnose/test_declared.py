@@ -7,7 +7,7 @@ import ges
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.design.system import residuals_with
-from ges.diagnose.estimate.fit import null_fit, with_corrections
+from ges.diagnose.estimate.joint import null_fit, with_corrections
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import library, out_of_reach

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from ges.diagnose.estimate.fit import null_fit
+from ges.diagnose.estimate.joint import null_fit
 from ges.diagnose.locate.stages import first_system
 
 from .synthetic import MODEL, manoeuvre

@@ -23,7 +23,8 @@ from ges.diagnose.decide.rules import (
 )
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.decide.unknown import unexplained_structures
-from ges.diagnose.estimate.fit import Fitted, JointFit
+from ges.diagnose.estimate.fit import Fitted
+from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult

@@ -17,7 +17,7 @@ from ges.diagnose.detectors.gusts import (
     shows_moving_air,
     wind_speed_m_s,
 )
-from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.prepare.channels import ACC, FORCE
 
 from ..synthetic import MODEL, hovering, system_of

@@ -10,7 +10,7 @@ import pytest
 from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
-from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings

@@ -8,7 +8,7 @@ import pytest
 from ges.conventions import command, rotor_speed
 from ges.diagnose.design.residual import commanded_speeds
 from ges.diagnose.design.system import build, residuals_with
-from ges.diagnose.estimate.fit import null_fit
+from ges.diagnose.estimate.joint import null_fit
 from ges.diagnose.estimate.recalibrate import _cost, _linearise, operating_point
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.locate.stages import recalibrate

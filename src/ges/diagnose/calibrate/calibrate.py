@@ -39,7 +39,7 @@ from ges.diagnose.detectors.balance import (
     variance_of_means,
     without_mean_balance,
 )
-from ges.diagnose.estimate.fit import (
+from ges.diagnose.estimate.joint import (
     correction_bounds,
     null_fit,
     only_in_air,

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from ges.diagnose.decide.rules import SIGNIFICANT
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System
-from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.select.evidence import rms_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import DecisionLog

@@ -14,7 +14,8 @@ from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import build
 from ges.diagnose.design.whiten import estimate_noise
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
-from ges.diagnose.estimate.fit import Fitted, free_columns, joint_fit, pinned_priors
+from ges.diagnose.estimate.fit import Fitted, free_columns
+from ges.diagnose.estimate.joint import joint_fit, pinned_priors
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
 from ges.diagnose.locate.laws import (

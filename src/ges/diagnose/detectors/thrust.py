@@ -16,7 +16,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.estimate.fit import JointFit, within_bounds
+from ges.diagnose.estimate.joint import JointFit, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95

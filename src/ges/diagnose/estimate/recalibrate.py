@@ -17,7 +17,7 @@ import numpy as np
 from ges.diagnose.design.system import build, nuisance_of, residuals_with
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.whiten import variance_covariate, whiten
-from ges.diagnose.estimate.fit import JointFit, correction_bounds, joint_fit, with_corrections
+from ges.diagnose.estimate.joint import JointFit, correction_bounds, joint_fit, with_corrections
 from ges.diagnose.library.candidates import fit_bounds
 from ges.diagnose.select.evidence import Regression, gram_of, whiten_system
 from ges.diagnose.settings import settings

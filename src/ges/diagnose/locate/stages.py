@@ -10,7 +10,7 @@ import numpy as np
 from ges.conventions import SDS_95
 from ges.diagnose.design.system import System, build, window_length_s
 from ges.diagnose.detectors.balance import without_mean_balance
-from ges.diagnose.estimate.fit import (
+from ges.diagnose.estimate.joint import (
     JointFit,
     null_fit,
     only_in_air,

@@ -10,7 +10,7 @@ from ges.diagnose.decide.explanation import Explanation
 from ges.diagnose.design.feedback import instrument_strengths
 from ges.diagnose.design.system import System, variant_of
 from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
-from ges.diagnose.estimate.fit import JointFit
+from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import unmet_requirement

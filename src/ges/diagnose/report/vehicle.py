@@ -8,7 +8,7 @@ from typing import Any
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.gusts import GUSTS, Gusts
-from ges.diagnose.estimate.fit import JointFit, within_bounds
+from ges.diagnose.estimate.joint import JointFit, within_bounds
 from ges.diagnose.prepare.gate import with_stated_voltage
 from ges.diagnose.report.laws import vehicle_laws
 from ges.diagnose.types.finding import interval95
