@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from ges.conventions import QUATERNION, command, rotor_speed
-from ges.diagnose.design.residual import (
+from ges.diagnose.design.drives import (
     acting_speeds,
     affects_drive,
     commanded_speeds,
+    motor_commands,
+)
+from ges.diagnose.design.motion import height_columns
+from ges.diagnose.design.residual import (
     depend_on_path_alone,
     evaluate,
-    height_columns,
-    motor_commands,
     replay_with_each,
     residual,
     with_higher_orders,

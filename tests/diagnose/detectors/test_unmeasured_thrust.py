@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ges.diagnose.design.residual import commanded_speeds
+from ges.diagnose.design.drives import commanded_speeds
 from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.joint import JointFit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ges.conventions import command, rotor_speed
-from ges.diagnose.design.residual import commanded_speeds
+from ges.diagnose.design.drives import commanded_speeds
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.joint import null_fit
 from ges.diagnose.estimate.recalibrate import _cost, _linearise, operating_point

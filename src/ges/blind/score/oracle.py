@@ -150,7 +150,7 @@ class Witness:
         -------
         (n, n_rotors) over top speed, at 125 Hz.
         """
-        from ges.diagnose.design.residual import commanded_speeds
+        from ges.diagnose.design.drives import commanded_speeds
         from ges.diagnose.prepare.align import Prepared
         from ges.diagnose.types.model import Model
 

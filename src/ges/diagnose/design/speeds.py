@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from ges.diagnose.design.residual import commanded_speeds
+from ges.diagnose.design.drives import commanded_speeds
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from ges.diagnose.design.drives import Drive, affects_drive, fly_drives, have_same_drive
 from ges.diagnose.design.feedback import (
     EndogenousParts,
     FlightInstruments,
@@ -20,15 +21,11 @@ from ges.diagnose.design.feedback import (
     merge_endogenous_parts,
     subtract_trims,
 )
+from ges.diagnose.design.motion import motion_of
 from ges.diagnose.design.residual import (
-    Drive,
     Evaluation,
-    affects_drive,
     depend_on_path_alone,
     evaluate,
-    fly_drives,
-    have_same_drive,
-    motion_of,
     replay_with_each,
     with_higher_orders,
 )

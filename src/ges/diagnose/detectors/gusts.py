@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from ges.conventions import SDS_95
-from ges.diagnose.design.residual import motion_of
+from ges.diagnose.design.motion import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.joint import JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite

@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from ges.conventions import POSITION, VELOCITY
-from ges.diagnose.design.residual import Drive, evaluate, residual
+from ges.diagnose.design.drives import Drive
+from ges.diagnose.design.residual import evaluate, residual
 from ges.diagnose.design.weak import Windows, make_windows
 from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
 from ges.diagnose.prepare.align import Prepared
