@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
-from ges.diagnose.design.system import DesignColumn, FlightRows, Nuisance, System
+from ges.diagnose.design.columns import DesignColumn, Nuisance
+from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.design.whiten import WhitePart

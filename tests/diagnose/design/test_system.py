@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from ges.conventions import BODY_RATE, command, rotor_speed
+from ges.diagnose.design.columns import _step_parameter, nuisances
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import (
-    _step_parameter,
     build,
     common_channels,
     half_waves,
-    nuisances,
     residuals_with,
     thrust_change,
     window_length_s,

@@ -14,7 +14,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ges.blind.protocol import arithmetic
-from ges.diagnose.design.system import DesignColumn, System, build, nuisance_of, variant_of
+from ges.diagnose.design.columns import DesignColumn, nuisance_of, variant_of
+from ges.diagnose.design.system import System, build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.channels import unit_of
 from ges.diagnose.prepare.gate import pass_gate

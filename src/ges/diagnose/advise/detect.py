@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from ges.diagnose.decide.sizes import least_sizes
-from ges.diagnose.design.system import DesignColumn, variant_of
+from ges.diagnose.design.columns import DesignColumn, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import Gram, Regression, rms_of
 from ges.diagnose.select.search import log_odds_against_one_of, log_rarity

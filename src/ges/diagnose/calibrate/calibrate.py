@@ -28,8 +28,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from ges.diagnose.decide.contradicted import corrected_numbers
+from ges.diagnose.design.columns import nuisance_of
 from ges.diagnose.design.speeds import with_expected_speeds
-from ges.diagnose.design.system import System, build, nuisance_of
+from ges.diagnose.design.system import System, build
 from ges.diagnose.detectors.balance import (
     CANT,
     CHANNELS,

@@ -19,7 +19,8 @@ from ges.diagnose.decide.rules import (
     rivals_nearly_as_good,
     significant,
 )
-from ges.diagnose.design.system import System, build, variant_of
+from ges.diagnose.design.columns import variant_of
+from ges.diagnose.design.system import System, build
 from ges.diagnose.detectors.loads import probable_load, refine_load
 from ges.diagnose.estimate.fit import Fitted, fitted_model, free_parameters, polish, starting_values
 from ges.diagnose.estimate.shoot import with_rollout_path

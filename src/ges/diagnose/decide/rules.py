@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ges.conventions import QUATERNION
-from ges.diagnose.design.system import System, nuisance_with_prior, variant_of
+from ges.diagnose.design.columns import nuisance_with_prior, variant_of
+from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.contributions import size_of_contribution

@@ -1,17 +1,22 @@
-"""The linear system of a diagnosis: residuals and columns of every flight.
-
-Columns are those of nuisances and of candidates.
-"""
+"""The linear system of a diagnosis: residuals and columns of every flight."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.drives import Drive, affects_drive, fly_drives, have_same_drive
+from ges.diagnose.design.columns import (
+    DesignColumn,
+    column_parts,
+    evaluate_columns,
+    nuisance_of,
+    nuisances,
+    slowest_update_s,
+    variant_of,
+)
+from ges.diagnose.design.drives import Drive, have_same_drive
 from ges.diagnose.design.feedback import (
     EndogenousParts,
     FlightInstruments,
@@ -24,9 +29,7 @@ from ges.diagnose.design.feedback import (
 from ges.diagnose.design.motion import motion_of
 from ges.diagnose.design.residual import (
     Evaluation,
-    depend_on_path_alone,
     evaluate,
-    replay_with_each,
     with_higher_orders,
 )
 from ges.diagnose.design.table import ColumnTable, Indices, table_of
@@ -35,138 +38,13 @@ from ges.diagnose.design.weak import (
     blocks_of,
     make_windows,
 )
-from ges.diagnose.library.candidates import Variant, has_prerequisite
-from ges.diagnose.library.requirements import needs_attitude
-from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.library.candidates import Variant
+from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import MOMENT, channels, drive
 from ges.diagnose.settings import settings
-from ges.diagnose.types.keys import MarkedChannel, ParameterKey
-from ges.diagnose.types.model import SPEED, Model, block_of
-from ges.simulator import effects as effect_table
-from ges.simulator.effects import MOST_LANES, Replay
+from ges.diagnose.types.keys import MarkedChannel
+from ges.diagnose.types.model import Model, block_of
 from ges.threads import each
-
-
-@dataclasses.dataclass(frozen=True)
-class Nuisance:
-    """A nominal parameter that every hypothesis may adjust.
-
-    Attributes
-    ----------
-    effect, parameter : of its correction.
-    step : difference of the parameter that makes the column.
-    sd : prior sd over vehicles.
-    flight_sd : sd from flight to flight.
-    mean : prior mean of the correction.
-    given : effects that it acts through, which are not on.
-    """
-
-    effect: str
-    parameter: str
-    step: float
-    sd: float
-    flight_sd: float
-    mean: float = 0.0
-    given: effect_table.Effects = dataclasses.field(default_factory=dict)
-
-    @property
-    def key(self) -> str:
-        """``effect.parameter``."""
-        return f"{self.effect}.{self.parameter}"
-
-
-@dataclasses.dataclass(frozen=True)
-class DesignColumn:
-    """One column: a nuisance, or one amplitude of one variant of a candidate.
-
-    Attributes
-    ----------
-    label : for messages.
-    nuisance : of a nuisance's column.
-    variant, amplitude : of an amplitude's column, with the number of the amplitude.
-    part : 'force' or 'moment' for a column of those channels alone, with a coefficient of its own.
-
-    Notes
-    -----
-    A ground-effect thrust gain is split into parts. How much the gains of the rotors differ, and so
-    the moment, depends on how far each of them spreads. A sideways force on the rotors is split
-    too. Its lever about the centre of gravity is millimetres long. Small moments are measured far
-    better than small forces, and would decide its size.
-    """
-
-    label: str
-    nuisance: Nuisance | None = None
-    variant: Variant | None = None
-    amplitude: int = 0
-    part: str = ""
-
-    @property
-    def recipe(self) -> tuple:
-        """What the column is computed from; columns of one recipe differ in their parts."""
-        if self.nuisance is not None:
-            return (self.nuisance.key,)
-        v = variant_of(self)
-        return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.given)
-
-    def restricted_to_part(
-        self, changes: Mapping[int, np.ndarray], names: Sequence[str]
-    ) -> Mapping[int, np.ndarray]:
-        """Return the changes that belong to this column's part.
-
-        Parameters
-        ----------
-        changes : by channel, (m,), of all that the coefficient moves.
-        names : of the channels.
-        """
-        if not self.part:
-            return changes
-        return {
-            c: value
-            for c, value in changes.items()
-            if (block_of(names[c]) == "moment") == (self.part == "moment")
-        }
-
-    @property
-    def key(self) -> str:
-        """``effect.parameter``; a nuisance and a candidate of one key correct the same number."""
-        if self.nuisance is not None:
-            return self.nuisance.key
-        v = variant_of(self)
-        return f"{v.effect}.{v.amplitudes[self.amplitude].parameter}"
-
-
-def variant_of(column: DesignColumn) -> Variant:
-    """Return the variant that an amplitude column belongs to.
-
-    Parameters
-    ----------
-    column : of an amplitude.
-
-    Raises
-    ------
-    TypeError
-        For the column of a nuisance.
-    """
-    if column.variant is None:
-        raise TypeError(f"column {column.label} is a nuisance and of no variant")
-    return column.variant
-
-
-def nuisance_of(column: DesignColumn) -> Nuisance:
-    """Return the nuisance of a nuisance column.
-
-    Parameters
-    ----------
-    column : of a nuisance.
-
-    Raises
-    ------
-    TypeError
-        For the column of an amplitude.
-    """
-    if column.nuisance is None:
-        raise TypeError(f"column {column.label} is an amplitude and no nuisance")
-    return column.nuisance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -314,104 +192,6 @@ class System:
         return blocks_of([(r.windows, r.flight.t_s[0]) for r in self.flights], length_s)
 
 
-def nuisances(
-    model: Model, names: Iterable[str], flights: Sequence[Prepared]
-) -> tuple[Nuisance, ...]:
-    """Return the numbers that are always free: nominal parameters, trims, sensor errors.
-
-    Parameters
-    ----------
-    model : of the vehicle; prior sds of its file replace the usual ones.
-    names : channels.
-    flights : prepared recordings.
-
-    Notes
-    -----
-    Without a measured attitude, numbers that only it shows stay nominal. Where rotor speeds have to
-    be made from commands, the thrust curve is as uncertain as where both were logged.
-    """
-    present = {"any", *names, *map(block_of, names)}
-    if any(not f.has("rotor_speed") for f in flights):
-        present.add("command")
-    voltage = all(f.has("battery") for f in flights)
-    listed = [
-        nuisance_with_prior(f"{effect.name}.{p.name}", p.prior, model, flights)
-        for effect in effect_table.table().values()
-        if attitude_measured(flights) or not needs_attitude(effect.name)
-        if not effect.modifies or effect.modifies in model.effects
-        for p in effect.of_rotors(model.n_rotors)
-        if p.prior and set(p.prior.shows_in) & present and (voltage or not p.prior.with_voltage)
-    ]
-    # the top speed is a number of the vehicle: no effect's descriptor has a prior for it
-    if "drive" in present:
-        sd = model.prior_sds.get(SPEED, 0.0)
-        effect, parameter = ParameterKey.of(SPEED)
-        listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=0.0))
-    for key, sd in model.flight_sds.items():
-        effect, parameter = ParameterKey.of(key)
-        given = {} if has_prerequisite(effect, model.effects) else model.act_through
-        listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=sd, given=given))
-    return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
-
-
-def nuisance_with_prior(
-    key: str, prior: effect_table.ParameterPrior, model: Model, flights: Sequence[Prepared]
-) -> Nuisance:
-    """Return one parameter with its priors, centred on the vehicle file.
-
-    Parameters
-    ----------
-    key : ``effect.parameter``.
-    prior : of the descriptor.
-    model : of the vehicle; prior sds of its file replace the usual ones.
-    flights : prepared recordings.
-    """
-    effect, parameter = ParameterKey.of(key)
-    unit = model.arm_m if prior.per_arm else 1.0
-    sd = model.prior_sds.get(key, unit * prior.sd)
-    if sd and prior.timing:
-        # independent sds add in squares
-        sd = math.hypot(sd, _timing_sd_s(prior.timing, model, flights))
-    step = settings.statistics.clear_sds * sd if prior.reciprocal else unit * prior.step
-    # counted from the model as it is: what was corrected already is not expected again
-    mean = prior.mean - model.corrections.get(key, 0.0)
-    flight_sd = unit * prior.flight_sd
-    # a battery that nobody read is full in one flight and empty in another, by half of the
-    # variance: flights of a day begin alike
-    if not any(f.has("battery") or f.has("rotor_speed") for f in flights):
-        half = prior.unlogged_voltage_sd / math.sqrt(2.0)
-        sd, flight_sd = math.hypot(sd, half), math.hypot(flight_sd, half)
-    return Nuisance(effect, parameter, step, sd, flight_sd, mean)
-
-
-def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> float:
-    """Return further sd of a drive's delay or lag.
-
-    It covers how long a command was held, or for a lag the time between two rows. A motor's second
-    pole is included, of which half is delay and half is in the lag (half rule).
-
-    References
-    ----------
-    Skogestad 2003, *J. Process Control* 13, 291.
-    """
-    row_s = max((_slowest([f], ("command",)) for f in flights), default=0.0)
-    # a shape within a row is not logged: uniform over it. How late a command comes is, in the mean
-    rows = (
-        max(f.command_hold.sd_rows for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
-    )
-    # a second pole of none to half of the lag, and half of a pole is delay: uniform to a quarter
-    pole = model.number("motor_time_constant_s") / 4.0 / math.sqrt(3.0)
-    return math.hypot(rows * row_s, pole)
-
-
-def _slowest(flights: Sequence[Prepared], streams: Sequence[str]) -> float:
-    """Return the longest usual time between two values of a stream, s."""
-    return max(
-        (f.update_s[s] for f in flights for s in streams if np.isfinite(f.update_s.get(s, np.nan))),
-        default=0.0,
-    )
-
-
 def window_length_s(flights: Sequence[Prepared]) -> float:
     """Return the support of the test functions, longer where a stream is slow.
 
@@ -419,7 +199,7 @@ def window_length_s(flights: Sequence[Prepared]) -> float:
     ----------
     flights : prepared recordings.
     """
-    slowest = _slowest(flights, ("velocity", "attitude", "gyro", "rotor_speed", "command"))
+    slowest = slowest_update_s(flights, ("velocity", "attitude", "gyro", "rotor_speed", "command"))
     return max(settings.design.window_shortest_s, settings.design.window_updates * slowest)
 
 
@@ -441,47 +221,6 @@ def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...
     )
 
 
-def _step_parameter(
-    model: Model, effect: str, values: Mapping[str, float], parameter: str, step: float
-) -> tuple[dict, float]:
-    """Return an effect with one parameter a step further, and that step.
-
-    The step is reversed where it would leave the bounds.
-    """
-    descriptor = effect_table.get(effect)
-    values_now = {**descriptor.neutral(), **model.effects.get(effect, {}), **values}
-    p = descriptor.parameter(parameter)
-    if not p.low <= values_now[parameter] + step <= p.high:
-        step = -step
-    return {effect: {**values_now, parameter: values_now[parameter] + step}}, step
-
-
-def _reference(model: Model, column: DesignColumn) -> dict:
-    """Return effects that must be on for the column's shape, with neutral amplitude.
-
-    Empty where they do nothing.
-    """
-    variant = column.variant
-    if variant is None:
-        return dict(nuisance_of(column).given)
-    if variant.effect in model.effects:
-        return {}
-    neutral = {**variant.given, variant.effect: variant.parameters({})}
-    return neutral if affects_drive(neutral) or variant.given else {}
-
-
-def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
-    if column.nuisance is not None:
-        n = column.nuisance
-        stepped, step = _step_parameter(model, n.effect, {}, n.parameter, n.step)
-        return {**n.given, **stepped}, step
-    variant = variant_of(column)
-    a = variant.amplitudes[column.amplitude]
-    values = variant.parameters({}) if variant.effect not in model.effects else {}
-    stepped, step = _step_parameter(model, variant.effect, values, a.parameter, a.step)
-    return {**variant.given, **stepped}, step
-
-
 def _channels_of_flight(
     flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
 ) -> tuple[str, ...]:
@@ -500,104 +239,6 @@ def _in_all_channels(
     full = np.full((len(values), len(names)), np.nan)
     full[:, [names.index(name) for name in here]] = values
     return full
-
-
-@dataclasses.dataclass(frozen=True)
-class _ColumnEvaluator:
-    """Evaluates the columns of one flight.
-
-    Attributes
-    ----------
-    flight, windows, model : of the flight.
-    names, here : channels of the system, and of the flight.
-    base : evaluation of the model.
-    drives, outputs : with additions, by the text of these, where they are known.
-    """
-
-    flight: Prepared
-    windows: Windows
-    model: Model
-    names: Sequence[str]
-    here: Sequence[str]
-    base: Evaluation
-    drives: Mapping[str, Drive]
-    outputs: Mapping[str, Replay]
-
-    def column(self, column: DesignColumn) -> dict[int, np.ndarray]:
-        """Return minus the residual's change per unit of the coefficient, by channel, (m,)."""
-        # a number of the vehicle is no effect: drive, motion and replay are all made anew
-        if column.nuisance is not None and column.nuisance.effect == "vehicle":
-            n = column.nuisance
-            other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
-            return self._change(
-                self.base, evaluate(self.flight, self.windows, other, self.here), n.step
-            )
-        shifted, step = _stepped_effects(self.model, column)
-        return self._change(self._with(_reference(self.model, column)), self._with(shifted), step)
-
-    def _with(self, effects: effect_table.Effects) -> Evaluation:
-        """Return the evaluation with effects added."""
-        if not effects:
-            return self.base
-        key = repr(effects)
-        return evaluate(
-            self.flight,
-            self.windows,
-            self.model,
-            self.here,
-            effects,
-            self.base,
-            self.drives.get(key),
-            self.outputs.get(key),
-        )
-
-    def _change(self, before: Evaluation, after: Evaluation, step: float) -> dict[int, np.ndarray]:
-        pairs = (
-            (self.names.index(name), before.residuals[name], after.residuals[name])
-            for name in self.here
-        )
-        # what was taken over from the evaluation before is the same object: nothing changed there
-        changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
-        return {c: change for c, change in changes.items() if change.any()}
-
-
-def _additions(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]:
-    """Return all that these columns add to the effects, by its text."""
-    added = [
-        e
-        for c in columns
-        if c.key != SPEED
-        for e in (_reference(model, c), _stepped_effects(model, c)[0])
-    ]
-    return {repr(e): e for e in added if e}
-
-
-def _fly_additions(
-    flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]
-) -> dict[str, Drive]:
-    """Return drives under the additions, flown as one batch."""
-    sets = {
-        name: model.with_effects(e).effects
-        for name, e in added.items()
-        if affects_drive(e, model.effects)
-    }
-    return (
-        dict(zip(sets, fly_drives(flight, model, list(sets.values()), here), strict=True))
-        if sets
-        else {}
-    )
-
-
-def _replay_additions(
-    flight: Prepared, model: Model, base: Evaluation, added: Mapping[str, dict]
-) -> dict[str, Replay]:
-    """Return model output under additions with memory of the path, replayed as one batch."""
-    sets = {name: e for name, e in added.items() if depend_on_path_alone(e, model.effects)}
-    return (
-        dict(zip(sets, replay_with_each(flight, model, base, list(sets.values())), strict=True))
-        if sets
-        else {}
-    )
 
 
 def flight_rows(
@@ -641,18 +282,8 @@ def flight_rows(
     # parts of one column are made of the same: computed once, and not at all where it is known
     computed, by_recipe = computed_columns or {}, {c.recipe: c for c in columns}
     new = {recipe: c for recipe, c in by_recipe.items() if recipe not in computed}
-    # drives of all new columns are flown as one batch; what remembers its path goes as many at a
-    # time as the simulator has lanes, for a replay of a long flight is large
-    drives = _fly_additions(flight, model, here, _additions(model, new.values()))
-    evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
-    values = {recipe: computed[recipe] for recipe in by_recipe if recipe not in new}
-    to_compute = list(new.items())
-    for first in range(0, len(to_compute), MOST_LANES):
-        batch = to_compute[first : first + MOST_LANES]
-        outputs = _replay_additions(flight, model, base, _additions(model, (c for _, c in batch)))
-        values |= {
-            recipe: dataclasses.replace(evaluator, outputs=outputs).column(c) for recipe, c in batch
-        }
+    changes = evaluate_columns(flight, windows, model, names, here, base, list(new.values()))
+    values = {**computed, **dict(zip(new, changes, strict=True))}
     x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
     # a beam that tilted a little further would see no ground
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)
@@ -823,7 +454,7 @@ def half_waves(flight: Prepared, length_s: float) -> int:
     flight : prepared recording.
     length_s : support of the test function.
     """
-    slowest = _slowest([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
+    slowest = slowest_update_s([flight], ("gyro", "attitude", "rotor_speed", "command")) or np.inf
     # a half-wave has to span as many updates of a stream as the shortest window has to
     shortest_s = settings.design.window_updates * slowest
     return min(settings.design.half_waves_most, int(length_s / shortest_s))
@@ -871,18 +502,6 @@ def _computed_columns(system: System, flight: FlightRows, model: Model, wanted: 
     return computed
 
 
-def _column_parts(effect: str, others_present: Collection[str]) -> tuple[str, ...]:
-    """Return parts of an effect's columns, see :class:`DesignColumn`.
-
-    It has the force alone where another effect present makes its moment free.
-    """
-    if "own_lever" not in effect_table.get(effect).hints:
-        return ("",)
-    others = map(effect_table.get, others_present)
-    levers = {e.modifies for e in others if "lever_of_carrier" in e.hints}
-    return ("force",) if effect in levers else ("force", "moment")
-
-
 def build(
     flights: Sequence[Prepared],
     model: Model,
@@ -914,7 +533,7 @@ def build(
     for v in variants:
         # without channels of moments there is nothing to split
         parts = (
-            _column_parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
+            column_parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
         )
         columns += [
             DesignColumn(v.key, variant=v, amplitude=j, part=part)

@@ -19,7 +19,8 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.special import expit, ndtr, owens_t
 
 from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
-from ges.diagnose.design.system import System, nuisance_of
+from ges.diagnose.design.columns import nuisance_of
+from ges.diagnose.design.system import System
 from ges.diagnose.prepare.align import attitude_measured
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings

@@ -15,7 +15,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import System, build, variant_of
+from ges.diagnose.design.columns import variant_of
+from ges.diagnose.design.system import System, build
 from ges.diagnose.library.candidates import Candidate, Variant, flight_envelope, usual_height_m
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression, make_regression

@@ -10,13 +10,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import SDS_95
+from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.feedback import feedback_of
-from ges.diagnose.design.system import (
-    System,
-    build,
-    variant_of,
-    with_trims_of,
-)
+from ges.diagnose.design.system import System, build, with_trims_of
 from ges.diagnose.design.whiten import NoiseModel, estimate_noise
 from ges.diagnose.estimate.joint import (
     JointFit,

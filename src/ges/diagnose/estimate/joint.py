@@ -17,10 +17,8 @@ from scipy.optimize import lsq_linear
 from scipy.special import ndtr, stdtrit
 
 from ges.conventions import SDS_95
-from ges.diagnose.design.system import (
-    System,
-    nuisance_of,
-)
+from ges.diagnose.design.columns import nuisance_of
+from ges.diagnose.design.system import System
 from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import White
 from ges.diagnose.select.evidence import (

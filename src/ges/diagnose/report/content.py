@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.explanation import Explanation
+from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.feedback import instrument_strengths
-from ges.diagnose.design.system import System, variant_of
+from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.library.candidates import flight_envelope

@@ -11,7 +11,8 @@ from ges.diagnose.advise.detect import DetectedEffect
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.explanation import Explanation, practically_significant
-from ges.diagnose.design.system import System, variant_of
+from ges.diagnose.design.columns import variant_of
+from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.clocks import gate_findings
 from ges.diagnose.detectors.thrust import UnmeasuredThrust

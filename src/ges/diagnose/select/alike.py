@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import variant_of
+from ges.diagnose.design.columns import variant_of
 from ges.diagnose.select.evidence import Gram, Regression
 from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis

@@ -12,7 +12,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ges.diagnose.design.system import DesignColumn, System, nuisance_of, variant_of
+from ges.diagnose.design.columns import DesignColumn, nuisance_of, variant_of
+from ges.diagnose.design.system import System
 from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import (
     NoiseModel,

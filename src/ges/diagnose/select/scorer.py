@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.design.system import variant_of
+from ges.diagnose.design.columns import variant_of
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, Regression, posteriors
 from ges.diagnose.settings import settings

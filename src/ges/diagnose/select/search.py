@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from ges.diagnose.design.system import variant_of
+from ges.diagnose.design.columns import variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, has_prerequisite, modifiers_of
 from ges.diagnose.select.evidence import Posterior, Regression
 from ges.diagnose.select.scorer import Entry, SetScorer, entries, set_scorer
