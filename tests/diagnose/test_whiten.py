@@ -7,9 +7,10 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+from ges.diagnose.design.noise import rows_followed, rows_in_run
 from ges.diagnose.design.system import build
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import _innovations, _past, _prediction_filter, _run
+from ges.diagnose.design.whiten import _innovations, _prediction_filter
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.types.model import from_vehicle
 from ges.simulator import manoeuvres
@@ -41,7 +42,16 @@ def test_a_filter_whose_noise_would_grow_says_nothing_of_first_rows():
 def test_the_past_ends_where_a_row_is_missing_or_follows_none():
     y = np.array([np.nan, 1.0, 1.0, 1.0, np.nan, 1.0, 1.0, 1.0])
     follows = np.array([False, True, True, True, True, True, True, False])
-    assert _past(y[:, None], _run(follows))[:, 0].tolist() == [-1, 0, 1, 2, -1, 0, 1, 0]
+    assert rows_followed(y[:, None], rows_in_run(follows))[:, 0].tolist() == [
+        -1,
+        0,
+        1,
+        2,
+        -1,
+        0,
+        1,
+        0,
+    ]
 
 
 @pytest.fixture(scope="module")

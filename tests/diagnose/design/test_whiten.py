@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.design.whiten import (
-    FeedbackErrors,
+from ges.diagnose.design.noise import (
     NoiseModel,
     estimate_noise,
     noise_residuals,
     variance_covariate,
-    whiten,
 )
+from ges.diagnose.design.whiten import FeedbackErrors, whiten
 from ges.diagnose.settings import settings, using
 
 from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of, white_part

@@ -11,8 +11,8 @@ import numpy as np
 
 from ges.diagnose.decide.explanation import Explanation, explanation_of
 from ges.diagnose.decide.unknown import unexplained_structures
+from ges.diagnose.design.noise import estimate_noise
 from ges.diagnose.design.system import build
-from ges.diagnose.design.whiten import estimate_noise
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, free_columns
 from ges.diagnose.estimate.joint import joint_fit, pinned_priors

@@ -12,8 +12,8 @@ import numpy as np
 from ges.conventions import SDS_95
 from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.feedback import feedback_of
+from ges.diagnose.design.noise import NoiseModel, estimate_noise
 from ges.diagnose.design.system import System, build, with_trims_of
-from ges.diagnose.design.whiten import NoiseModel, estimate_noise
 from ges.diagnose.estimate.joint import (
     JointFit,
     joint_fit,

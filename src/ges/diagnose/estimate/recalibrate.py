@@ -15,9 +15,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ges.diagnose.design.columns import nuisance_of
+from ges.diagnose.design.noise import variance_covariate
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.design.table import table_of
-from ges.diagnose.design.whiten import variance_covariate, whiten
+from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.joint import JointFit, correction_bounds, joint_fit, with_corrections
 from ges.diagnose.library.candidates import fit_bounds
 from ges.diagnose.select.evidence import Regression, gram_of, whiten_system

@@ -13,16 +13,10 @@ from types import MappingProxyType
 import numpy as np
 
 from ges.diagnose.design.columns import DesignColumn, nuisance_of, variant_of
+from ges.diagnose.design.noise import NoiseModel, estimate_noise, variance_covariate
 from ges.diagnose.design.system import System
 from ges.diagnose.design.table import Indices
-from ges.diagnose.design.whiten import (
-    NoiseModel,
-    White,
-    WhitePart,
-    estimate_noise,
-    variance_covariate,
-    whiten,
-)
+from ges.diagnose.design.whiten import White, WhitePart, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ges.diagnose.design.columns import variant_of
+from ges.diagnose.design.noise import noise_residuals
 from ges.diagnose.design.system import System
-from ges.diagnose.design.whiten import noise_residuals
 from ges.diagnose.library.candidates import Candidate, Variant, family_of, has_prerequisite
 from ges.diagnose.select.evidence import Regression, make_regression
 from ges.diagnose.select.search import SearchResult, evaluate_exactly, search
