@@ -6,38 +6,35 @@ Every nominal parameter may move within its prior sd. Gains of single motors, th
 and the centre of gravity (trims) may move as far as small vehicles do.
 
 Flights of one vehicle differ by more than noise, for instance by a battery put back elsewhere. So
-the spread of trims is fitted too, and enters the sd that the new file states. Several sets are
-sessions. The trims then spread at two levels, between the flights of a session and between sessions
-(a hierarchical model; Gelman et al., *Bayesian Data Analysis*, 3rd ed., chapter 5). Few flights or
-sessions determine a spread badly. It is pooled with what such vehicles usually show, by degrees of
-freedom (scaled inverse chi-squared; ibid., section 2.6).
+the spread of trims is fitted too (:mod:`ges.diagnose.calibrate.trims`), and enters the sd that the
+new file states.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
-import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.stats import norm
-from scipy.stats import t as student
 
+from ges.diagnose.calibrate.trims import (
+    LEVERS,
+    THRUST,
+    TRIMS,
+    Spreads,
+    balance_of_flights,
+    fit_spreads,
+    gauge_of_trims,
+    posterior_of_trims,
+)
 from ges.diagnose.decide.contradicted import corrected_numbers
-from ges.diagnose.design.columns import nuisance_of
 from ges.diagnose.design.speeds import with_expected_speeds
-from ges.diagnose.design.system import System, build
+from ges.diagnose.design.system import build
 from ges.diagnose.detectors.balance import (
     CANT,
-    CHANNELS,
     LOSSES,
-    MASS,
-    losses_of,
-    variance_of_means,
     without_mean_balance,
 )
 from ges.diagnose.estimate.joint import (
@@ -51,7 +48,6 @@ from ges.diagnose.locate.regimes import regimes_of
 from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
-from ges.diagnose.select.evidence import Gram, marginalise_deviations
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import interval95
 from ges.diagnose.types.keys import ParameterKey
@@ -62,9 +58,6 @@ from ges.simulator import effects as effect_table
 from ges.simulator.effects import Effect, Parameter
 from ges.threads import blas_alone
 from ges.vehicle.file import Estimate, Quantity, Vehicle, parse_vehicle, vehicle_content
-
-*LEVERS, THRUST = MASS
-TRIMS = (THRUST, *LOSSES, CANT, *LEVERS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,160 +161,23 @@ def _commands_alone(flights: Sequence[Prepared]) -> bool:
     return not any(f.has("rotor_speed") for f in flights)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Trims:
-    """Mean balance of whole flights.
-
-    Attributes
-    ----------
-    keys : of the k trims.
-    prior_sd : (k,).
-    spread : (k,) usual spread.
-    sessions : normal equations by session and flight, of c channels over the sd of their mean.
-    """
-
-    keys: tuple[str, ...]
-    prior_sd: np.ndarray
-    spread: np.ndarray
-    sessions: tuple[tuple[Gram, ...], ...]
-
-
-def _trim_balance(system: System, session: Sequence[int]) -> _Trims:
-    """Reduce every flight to its mean balance of thrust and moments.
-
-    ``session`` is the number of each.
-
-    Slow balance alone determines gains. In single windows the noise of the commands is in the model
-    too, and a fit would shrink the model (errors in variables).
-    """
-    kept = [
-        k
-        for k, c in enumerate(system.columns)
-        if c.nuisance and c.nuisance.key in TRIMS and c.nuisance.sd > 0
-    ]
-    keys = tuple(nuisance_of(system.columns[k]).key for k in kept)
-    slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
-    # over the sd of a flight's mean, thrust and moments count alike whatever their units
-    sd, grams = np.sqrt(variance_of_means(system, slow)), []
-    for r in system.flights:
-        y, x = r.in_air(slow).mean(axis=0) / sd, r.mean_columns(slow, kept) / sd[:, None]
-        seen = np.isfinite(y)
-        grams.append(
-            Gram(
-                x[seen].T @ x[seen],
-                x[seen].T @ y[seen],
-                float(y[seen] @ y[seen]),
-                float(seen.sum()),
-            )
-        )
-    prior = np.array([nuisance_of(system.columns[k]).sd for k in kept])
-    together = tuple(
-        tuple(g for g, own in zip(grams, session, strict=True) if own == number)
-        for number in sorted(set(session))
-    )
-    return _Trims(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), together)
-
-
-def _usual_spread(key: str, keys: Sequence[str]) -> float:
-    """Return the usual spread of a trim: a share of how far it may be off.
-
-    It applies to every motor's gain and the cant, or to the thrust where motors cannot be
-    separated.
-    """
-    numbers = settings.calibrate
-    if key == THRUST and not set(LOSSES) & set(keys):
-        return 0.5 * numbers.spread * numbers.loss_sd
-    far = {**dict.fromkeys(LOSSES, numbers.loss_sd), CANT: numbers.cant_sd_rad}
-    return numbers.spread * far.get(key, 0.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class _SessionPosterior:
-    mean: np.ndarray
-    covariance: np.ndarray
-    log_likelihood: float
-
-
-def _marginalise(gram: Gram, spread: np.ndarray) -> tuple[Gram, float]:
-    """Integrate out the deviation N(0, spread^2) of one flight or session.
-
-    Returns the normal equations of the common numbers, and the rest of the log likelihood.
-    """
-    # the factor that the integral leaves is -log det(I + S A S) / 2, S = diag(spread)
-    inner = np.eye(len(spread)) + gram.xx * np.outer(spread, spread)
-    common = marginalise_deviations(gram, np.arange(len(spread)), spread)
-    return common, -0.5 * float(np.linalg.slogdet(inner)[1])
-
-
-def _posterior(
-    sessions: Sequence[Sequence[Gram]],
-    prior_mean: np.ndarray,
-    prior_sd: np.ndarray,
-    flight_sd: np.ndarray,
-    session_sd: np.ndarray,
-) -> _SessionPosterior:
-    """Return the posterior of common numbers under N(prior_mean, prior_sd^2).
-
-    Deviations N(0, session_sd^2) of every session and N(0, flight_sd^2) of every flight are
-    integrated out.
-    """
-    precision = np.diag(1.0 / prior_sd**2)
-    right = precision @ prior_mean
-    total = -float(np.log(prior_sd).sum()) - 0.5 * float(prior_mean @ precision @ prior_mean)
-    for grams in sessions:
-        # inner level first: what flights leave adds up to their session, and sessions to the whole
-        flights = [_marginalise(gram, flight_sd) for gram in grams]
-        session, own = _marginalise(
-            functools.reduce(operator.add, [gram for gram, _ in flights]), session_sd
-        )
-        precision, right = precision + session.xx, right + session.xy
-        total += own + sum(log_term for _, log_term in flights) - 0.5 * session.yy
-    # Gaussian integral over the common numbers: the evidence that the spreads are chosen by
-    covariance = np.linalg.inv(precision)
-    mean = covariance @ right
-    total += 0.5 * float(right @ mean) + 0.5 * np.linalg.slogdet(covariance)[1]
-    return _SessionPosterior(mean, covariance, float(total))
-
-
-def _gauge(keys: Sequence[str], model: Model) -> np.ndarray:
-    """Return matrix that moves common patterns of the losses into the number that does the same.
-
-    Their mean goes into the thrust scale. Their yaw, of rotors that turn one way against the
-    others, goes into the cant, ``g = mean(s_i e_i) K_Q / (K_T L)``. Corrections are small and arms
-    alike.
-    """
-    gauge = np.eye(len(keys))
-    gains = losses_of(model)
-    if not set(gains) <= set(keys):
-        return gauge
-    losses, spin = [keys.index(key) for key in gains], model.of_rotors("spin")
-    ratio_m = model.number("torque_coefficient_Nm_s2") / model.number("thrust_coefficient_N_s2")
-    # a pattern that the losses share is projected out of them, into the number that does the same
-    together = {THRUST: (np.ones(len(losses)), -1.0), CANT: (spin, ratio_m / model.arm_m)}
-    for key, (sign, per) in together.items():
-        if key in keys:
-            gauge[np.ix_(losses, losses)] -= np.outer(sign, sign) / len(losses)
-            gauge[keys.index(key), losses] = per * sign / len(losses)
-    return gauge
-
-
 def _fit_trims(
     flights: Sequence[Prepared], session: Sequence[int], model: Model, before: Mapping[str, Number]
-) -> tuple[dict[str, Number], _Spreads]:
+) -> tuple[dict[str, Number], Spreads]:
     """Return gains and trims from the slow balance, and their spreads.
 
     They spread between flights and sessions.
     """
     shift = {key: n.value for key, n in before.items()}
-    balance = _trim_balance(build(flights, with_corrections(model, shift), []), session)
+    balance = balance_of_flights(build(flights, with_corrections(model, shift), []), session)
     # linearised at the last values: seen from there, the file and its prior stand at minus them
     start = -np.array([shift.get(key, 0.0) for key in balance.keys])
-    spreads = _fit_spreads(
+    spreads = fit_spreads(
         balance, start, 1.0 if _commands_alone(flights) else settings.calibrate.smaller_spread
     )
     flight_sd, session_sd = (level.pooled * balance.spread for level in spreads)
-    posterior = _posterior(balance.sessions, start, balance.prior_sd, flight_sd, session_sd)
-    gauge = _gauge(balance.keys, model)
+    posterior = posterior_of_trims(balance.sessions, start, balance.prior_sd, flight_sd, session_sd)
+    gauge = gauge_of_trims(balance.keys, model)
     # after the gauge: what losses and thrust scale cannot separate would count in both sds
     sd = np.sqrt(np.diag(gauge @ posterior.covariance @ gauge.T))
     later = np.sqrt(sd**2 + sum((level.later_sd * balance.spread) ** 2 for level in spreads))
@@ -416,7 +272,7 @@ def _within_flown_bounds(key: str, value: float, sd: float, model: Model) -> flo
 
 def _fit(
     flights: Sequence[Prepared], session: Sequence[int], model: Model
-) -> tuple[dict[str, Number], _Spreads]:
+) -> tuple[dict[str, Number], Spreads]:
     """Fit trims and nominal parameters in turn until nothing moves."""
     numbers: dict[str, Number] = {}
     for _ in range(settings.numerics.noise_rounds):
@@ -429,89 +285,6 @@ def _fit(
         ):
             break
     return numbers, spreads
-
-
-@dataclasses.dataclass(frozen=True)
-class _Spread:
-    """A spread over the usual one.
-
-    Attributes
-    ----------
-    estimate : from these flights alone; nan where they show none.
-    pooled : with the usual one.
-    freedom : its degrees of freedom.
-    """
-
-    estimate: float
-    pooled: float
-    freedom: float
-
-    @property
-    def later_sd(self) -> float:
-        """Sd of the equivalent normal of a later flight or session.
-
-        It is as wide as the Student distribution where a change becomes certain.
-        """
-        # equal tails: Student's quantile where a normal has certain_sds, over certain_sds
-        certain_sds = settings.statistics.certain_sds
-        return float(student.isf(norm.sf(certain_sds), self.freedom)) / certain_sds * self.pooled
-
-
-_Spreads = tuple[_Spread, _Spread]
-"""Between flights, of a session where there are several, and between sessions."""
-
-
-def _fit_spreads(balance: _Trims, start: np.ndarray, usual: float) -> _Spreads:
-    """Return both spreads by maximum likelihood, first between flights, pooled with ``usual`` ones.
-
-    A single set has one spread, whatever its flights' days.
-    """
-    sessions, balances = balance.sessions, balance.sessions[0][0].n
-    several = len(sessions) > 1
-    flights = sum(map(len, sessions))
-    alike = usual * (settings.calibrate.smaller_spread if several else 1.0)
-
-    def most_likely(flight: float | None, session: float | None) -> float:
-        """Return the factor that makes the flights most likely, the one of the two that is None."""
-
-        def cost(log_factor: float) -> float:
-            at = float(np.exp(log_factor))
-            levels = [at if level is None else level for level in (flight, session)]
-            return -_posterior(
-                sessions, start, balance.prior_sd, *(level * balance.spread for level in levels)
-            ).log_likelihood
-
-        # a scale is searched in its logarithm: it stays positive, and half is as far as double
-        most = np.log(settings.calibrate.spread_factor_most)
-        return float(np.exp(minimize_scalar(cost, bounds=(-most, most), method="bounded").x))
-
-    # each flight beyond the first of its session shows one deviation in every balance
-    freedom = balances * (flights - len(sessions))
-    # flights first, sessions held at their usual spread
-    within = _pool(
-        most_likely(None, usual if several else 0.0) if freedom else np.nan,
-        freedom,
-        alike,
-        balances,
-    )
-    if not several:
-        return within, _Spread(np.nan, 0.0, balances)
-    # then sessions, given by how much flights differ
-    between = most_likely(within.pooled, None)
-    return within, _pool(between, balances * (len(sessions) - 1), usual, balances)
-
-
-def _pool(estimate: float, freedom: float, usual: float, worth: float) -> _Spread:
-    """Return the estimated and the usual spread, weighted by their degrees of freedom.
-
-    The usual one is worth one flight: its ``worth`` is the number of balances (Kass and Wasserman
-    1995, JASA 90, 928, unit information).
-    """
-    # scaled inverse chi-squared: (n s^2 + n0 s0^2) / (n + n0); no freedom, no word (s is nan)
-    # (Gelman et al. 2013, Bayesian Data Analysis, 2.6)
-    total = freedom + worth
-    own = freedom * estimate**2 if freedom else 0.0
-    return _Spread(estimate, float(np.sqrt((own + worth * usual**2) / total)), total)
 
 
 def _scale(quantity: Quantity, number: Number) -> Quantity:
