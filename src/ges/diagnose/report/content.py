@@ -12,7 +12,7 @@ from ges.diagnose.design.feedback import instrument_strengths
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.joint import JointFit
-from ges.diagnose.library.candidates import flight_envelope
+from ges.diagnose.library.candidates import flight_envelope, place_of
 from ges.diagnose.library.grids import out_of_reach
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.locate.regimes import (
@@ -202,8 +202,14 @@ def places_of(accepted: Accepted, name: str) -> str:
 
     Returns
     -------
-    ``rotor 3``, by the best variant; '' for other effects.
+    ``rotor 3``, as it was fitted, else by the best variant of the first search; '' for other
+    effects.
     """
+    fitted = accepted.alternatives.get(name, accepted.fitted)
+    places = [place_of(p) for e, p in fitted.free if e == name] if fitted else []
+    # a later round may have accepted it elsewhere
+    if any(places):
+        return " and ".join(filter(None, places))
     if name not in accepted.result.inclusion:
         return ""
     columns = accepted.regression.system.columns
