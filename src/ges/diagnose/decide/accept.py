@@ -140,7 +140,7 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             contested = _contested_names(context, record)
             alike = {n: context.alike(n) for n in passing}
         modifiers = _probable_modifiers(regression, result, listed, passing, only)
-        new, polished, idle = _fit_significant(
+        new, polished = _fit_significant(
             regression,
             result,
             (*passing, *modifiers),
@@ -151,11 +151,6 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             record,
             only is None,
         )
-        if idle:
-            # their evidence was that of moments, whose coefficients are free: without them, again
-            listed = [c for c in listed if c.name not in idle]
-            first = first if selection.names else None
-            continue
         if polished is None or not new:
             break
         probability = {
@@ -385,11 +380,10 @@ def _fit_significant(
     system: System,
     record: DecisionLog,
     names_searched: bool,
-) -> tuple[tuple[str, ...], Fitted | None, set[str]]:
-    """Return the new names that are significant in a full fit, that fit, and idle names.
+) -> tuple[tuple[str, ...], Fitted | None]:
+    """Return the new names that are significant in a full fit, and that fit.
 
-    Others are left out of it, modifiers first. Idle are names that do nothing once they are fitted,
-    for whose force the search had no evidence.
+    Others are left out of it, modifiers first.
     """
     while new:
         values_of_modifiers = {m: modifiers[m].values for m in new if m in modifiers}
@@ -399,9 +393,6 @@ def _fit_significant(
         for name, decision in decisions.items():
             record.note(name, decision)
         failed = {n for n, d in decisions.items() if not d.passed}
-        idle = {n for n in failed - set(values_of_modifiers) if not differs_from_neutral(full, n)}
-        if idle:
-            return (), fitted, idle
         # a name that does nothing may have driven another one to its bound: it goes alone first
         at_bounds = {e for e, _ in parameters_at_bounds(full)}
         rejected = (failed & set(values_of_modifiers)) or (failed - at_bounds) or failed
@@ -410,9 +401,9 @@ def _fit_significant(
             n for n in new if not has_prerequisite(n, {*base.effects, *(set(new) - rejected)})
         }
         if not rejected:
-            return new, full, set()
+            return new, full
         new = tuple(n for n in new if n not in rejected)
-    return (), fitted, set()
+    return (), fitted
 
 
 def _best_forms_in_wind(
