@@ -14,10 +14,7 @@ from ges.diagnose.estimate.fit import (
     fitted_model,
     starting_values,
 )
-from ges.diagnose.estimate.joint import (
-    JointFit,
-    joint_fit,
-)
+from ges.diagnose.estimate.joint import JointFit, joint_fit
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import Hypothesis

@@ -32,11 +32,7 @@ from ges.diagnose.calibrate.trims import (
 from ges.diagnose.decide.contradicted import corrected_numbers
 from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.design.system import build
-from ges.diagnose.detectors.balance import (
-    CANT,
-    LOSSES,
-    without_mean_balance,
-)
+from ges.diagnose.detectors.balance import CANT, LOSSES, without_mean_balance
 from ges.diagnose.estimate.joint import (
     correction_bounds,
     null_fit,

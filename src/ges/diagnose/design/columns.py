@@ -15,9 +15,7 @@ from ges.diagnose.design.residual import (
     evaluate,
     replay_with_each,
 )
-from ges.diagnose.design.weak import (
-    Windows,
-)
+from ges.diagnose.design.weak import Windows
 from ges.diagnose.library.candidates import Variant, has_prerequisite
 from ges.diagnose.library.requirements import needs_attitude
 from ges.diagnose.prepare.align import Prepared, attitude_measured

@@ -7,15 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ges.conventions import (
-    FAR_FROM_GROUND_M,
-    command,
-    rotor_speed,
-)
-from ges.diagnose.design.motion import (
-    effects_of_kind,
-    state_columns,
-)
+from ges.conventions import FAR_FROM_GROUND_M, command, rotor_speed
+from ges.diagnose.design.motion import effects_of_kind, state_columns
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model

@@ -9,12 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from ges.conventions import (
-    BODY_RATE,
-    QUATERNION,
-    VELOCITY,
-    command,
-)
+from ges.conventions import BODY_RATE, QUATERNION, VELOCITY, command
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import body_rates, quaternion_product, to_body
 from ges.diagnose.settings import settings

@@ -14,21 +14,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.sparse import csr_array
 
-from ges.conventions import (
-    rotor_columns,
-    rotor_speed,
-)
-from ges.diagnose.design.drives import (
-    Drive,
-    acting_speeds,
-    affects_drive,
-    fly_drives,
-)
-from ges.diagnose.design.motion import (
-    Motion,
-    motion_of,
-    turning_faults,
-)
+from ges.conventions import rotor_columns, rotor_speed
+from ges.diagnose.design.drives import Drive, acting_speeds, affects_drive, fly_drives
+from ges.diagnose.design.motion import Motion, motion_of, turning_faults
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT

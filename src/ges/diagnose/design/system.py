@@ -27,11 +27,7 @@ from ges.diagnose.design.feedback import (
     subtract_trims,
 )
 from ges.diagnose.design.motion import motion_of
-from ges.diagnose.design.residual import (
-    Evaluation,
-    evaluate,
-    with_higher_orders,
-)
+from ges.diagnose.design.residual import Evaluation, evaluate, with_higher_orders
 from ges.diagnose.design.table import ColumnTable, Indices, table_of
 from ges.diagnose.design.weak import (
     Windows,

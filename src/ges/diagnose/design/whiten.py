@@ -10,11 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.linalg import toeplitz
 
-from ges.diagnose.design.noise import (
-    NoiseModel,
-    rows_followed,
-    rows_in_run,
-)
+from ges.diagnose.design.noise import NoiseModel, rows_followed, rows_in_run
 from ges.diagnose.design.system import FlightRows
 from ges.diagnose.design.table import Indices
 from ges.diagnose.settings import settings

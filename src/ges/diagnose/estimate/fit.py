@@ -14,12 +14,7 @@ from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.feedback import feedback_of
 from ges.diagnose.design.noise import NoiseModel, estimate_noise
 from ges.diagnose.design.system import System, build, with_trims_of
-from ges.diagnose.estimate.joint import (
-    JointFit,
-    joint_fit,
-    pinned_priors,
-    with_corrections,
-)
+from ges.diagnose.estimate.joint import JointFit, joint_fit, pinned_priors, with_corrections
 from ges.diagnose.library.candidates import (
     Amplitude,
     Variant,
@@ -28,10 +23,7 @@ from ges.diagnose.library.candidates import (
     reach_of,
 )
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import (
-    Regression,
-    whiten_system,
-)
+from ges.diagnose.select.evidence import Regression, whiten_system
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
