@@ -121,6 +121,17 @@ def test_shapes_of_one_parameter_are_loose_alike_by_the_first():
     np.testing.assert_array_equal(part["motor_lag.up_s"], one)
 
 
+def test_of_a_parameter_in_parts_the_one_that_acts_in_a_channel_is_endogenous_there():
+    """A ground effect's force and moment have a coefficient each; both are of one key."""
+    force, moment = 0.1 * THRUST, 3.0 + np.sin(T)
+    names = ("force_z", "moment_x")
+    x = table_of([{0: force}, {1: moment}], COUNT, len(names))
+    keys = ("ground_effect.c_a",) * 2
+    found = endogenous_parts(keys, x, LENGTH_S, dict(enumerate(names)), _told(names), AIR)
+    np.testing.assert_allclose(found["thrust_gain", 1]["ground_effect.c_a"], moment - moment.mean())
+    assert np.abs(found["thrust_gain", 0]["ground_effect.c_a"]).max() > 0.05
+
+
 def test_on_the_ground_nothing_is_loose():
     air = T > 10.0
     told = FlightInstruments({}, {"moment_x": THRUST[air]}, {"moment_x": 0.0})

@@ -394,15 +394,18 @@ def endogenous_parts(
 
     Notes
     -----
-    Shapes of one parameter are endogenous alike: its first column stands for them.
+    Shapes of one parameter are endogenous alike: its first column in a channel stands for them.
     """
     parts: dict[tuple[str, int], dict[str, np.ndarray]] = {}
     for kind, shows, part in PARTS:
-        at = _columns_of(kind, keys, on)
-        own = [keys[k] for k in at]
-        for c, name in channels.items() if at else ():
+        columns = _columns_of(kind, keys, on)
+        own = list(columns)
+        for c, name in channels.items() if columns else ():
             channel = _Channel(name, instruments, length_s, rates_measured)
             if shows(channel):
+                # of a parameter in parts the one that acts here
+                acting = set(x.at[c].tolist())
+                at = [next((k for k in ks if k in acting), ks[0]) for ks in columns.values()]
                 values = _in_all_windows(air, part(x.of(c, at)[air], own, channel))
                 parts[kind, c] = dict(zip(own, np.ascontiguousarray(values.T), strict=True))
     return parts
@@ -437,15 +440,18 @@ def _in_all_windows(air: np.ndarray, values: np.ndarray) -> np.ndarray:
     return full
 
 
-def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> list[int]:
-    """Return the first column of every parameter of a kind."""
+def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> dict[str, list[int]]:
+    """Return the columns of every parameter of a kind, by its key."""
     # a load that may be there would take from thrust gains what they do along thrust
     if kind == "load" and "load" not in map(feedback_of, on):
-        return []
+        return {}
     # whatever responds to them, all of these are made of the same commands
     wanted = moves_a_speed if kind == DRIVE else lambda key: feedback_of(key) == kind
-    # in reverse, so that the first of equal keys is the one that the dictionary keeps
-    return list({key: k for k, key in reversed(list(enumerate(keys))) if wanted(key)}.values())
+    columns: dict[str, list[int]] = {}
+    for k, key in enumerate(keys):
+        if wanted(key):
+            columns.setdefault(key, []).append(k)
+    return columns
 
 
 def _without_mean(x: np.ndarray) -> np.ndarray:
