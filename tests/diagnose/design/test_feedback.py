@@ -50,7 +50,7 @@ def test_how_the_controller_shows_is_what_the_descriptor_says():
 
 def test_what_no_controller_moves_is_never_loose():
     assert not _endogenous(
-        ("rotor_drag.k_kg", "cg_offset.x_m"), ("force_x", "moment_x"), [THRUST] * 2
+        ("rotor_tilt.x_rad", "cg_offset.x_m"), ("force_x", "moment_x"), [THRUST] * 2
     )
 
 
@@ -130,6 +130,16 @@ def test_of_a_parameter_in_parts_the_one_that_acts_in_a_channel_is_endogenous_th
     found = endogenous_parts(keys, x, LENGTH_S, dict(enumerate(names)), _told(names), AIR)
     np.testing.assert_allclose(found["thrust_gain", 1]["ground_effect.c_a"], moment - moment.mean())
     assert np.abs(found["thrust_gain", 0]["ground_effect.c_a"]).max() > 0.05
+
+
+def test_what_rates_make_of_a_moment_is_endogenous_and_of_a_force_is_not():
+    """A gust turns the vehicle, so that damping of rates goes with the gust's moment."""
+    x = 2.0 + np.sin(T)
+    names = ("force_x", "force_z", "moment_y")
+    found = _endogenous(("rotor_drag.k_kg", "rotor_tilt.x_rad"), names, [x, x])
+    assert set(found) == {("motion", 2)}
+    assert set(found["motion", 2]) == {"rotor_drag.k_kg"}
+    np.testing.assert_allclose(found["motion", 2]["rotor_drag.k_kg"], x - x.mean())
 
 
 def test_on_the_ground_nothing_is_loose():

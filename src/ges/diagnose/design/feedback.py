@@ -18,6 +18,8 @@ coefficient may err by the correlation (see ``whiten``). The kinds are:
   disturbances shake the vehicle, and so the load.
 - ``drive``: all that moves a rotor's speed. Its changes are endogenous. The noise of the commands
   between two rows is in the model's speed, in the residual and in the column alike.
+- ``motion``: what velocity and body rates make of a moment. A disturbance that turns the vehicle
+  makes its rates, too, and then its speed. Changes are endogenous.
 - ``height``: an error of a rangefinder that grows with height. The height that it is compared with
   is a reading, too.
 """
@@ -49,7 +51,7 @@ from ges.simulator import effects as effect_table
 
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
-DRIVE = "drive"
+DRIVE, MOTION = "drive", "motion"
 
 EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
@@ -90,6 +92,17 @@ def moves_a_speed(key: str) -> bool:
     """
     effect = effect_table.table().get(ParameterKey.of(key).effect)
     return key == SPEED or (effect is not None and effect.kind == "actuator")
+
+
+def is_made_by_velocity(key: str) -> bool:
+    """Return whether a number is of a force or moment that velocity and body rates make.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    """
+    effect = effect_table.table().get(ParameterKey.of(key).effect)
+    return effect is not None and effect.feedback == "none" and "velocity" in effect.needs
 
 
 def subtract_trims(
@@ -346,6 +359,10 @@ def _is_vertical(channel: _Channel) -> bool:
     return channel.has_instruments and channel.name in VERTICAL
 
 
+def _is_moment(channel: _Channel) -> bool:
+    return channel.has_instruments and block_of(channel.name) == "moment"
+
+
 def _is_drive(channel: _Channel) -> bool:
     return channel.has_instruments and block_of(channel.name) == DRIVE
 
@@ -361,6 +378,7 @@ PARTS: tuple[tuple[str, Callable[[_Channel], bool], Part], ...] = (
     ("rotor", _is_unseen_yaw, _changes),
     ("load", _is_vertical, _load),
     (DRIVE, _is_drive, _changes),
+    (MOTION, _is_moment, _changes),
     ("height", _is_range, _height),
 )
 """Endogenous part of columns (a, k) by kind, and whether a channel shows one."""
@@ -446,7 +464,8 @@ def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> dict[str
     if kind == "load" and "load" not in map(feedback_of, on):
         return {}
     # whatever responds to them, all of these are made of the same commands
-    wanted = moves_a_speed if kind == DRIVE else lambda key: feedback_of(key) == kind
+    of_more = {DRIVE: moves_a_speed, MOTION: is_made_by_velocity}
+    wanted = of_more.get(kind, lambda key: feedback_of(key) == kind)
     columns: dict[str, list[int]] = {}
     for k, key in enumerate(keys):
         if wanted(key):
