@@ -27,18 +27,14 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import DecisionLog
 from ges.simulator import effects as effect_table
 
-from .synthetic import MODEL, hovering, nuisance
+from .synthetic import MODEL, hovering, nuisance, rows_of, system_of
 
-BOARD = SimpleNamespace(
-    system=SimpleNamespace(
-        model=MODEL,
-        recordings=[hovering()],
-        columns=(
-            nuisance("motor_lag.up_s", 0.004),
-            nuisance("ground_effect_moment.q", 0.25, mean=-0.35),
-        ),
-    )
+COLUMNS = (
+    nuisance("motor_lag.up_s", 0.004),
+    nuisance("ground_effect_moment.q", 0.25, mean=-0.35),
 )
+ROWS = dataclasses.replace(rows_of(np.zeros((3, 1)), [{}, {}]), flight=hovering())
+BOARD = SimpleNamespace(system=system_of(("force_z",), COLUMNS, [ROWS]))
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:

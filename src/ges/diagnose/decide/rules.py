@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ges.conventions import QUATERNION
-from ges.diagnose.design.columns import nuisance_with_prior, variant_of
+from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
@@ -341,14 +341,10 @@ def significant(fitted: Fitted, name: str) -> Decision:
     corrects = any(p.corrects for p in effect.parameters if p.name not in effect.shapes)
     least = certain_sds if corrects else settings.statistics.clear_sds
     system, farthest = fitted.regression.system, 0.0
-    priors = {c.key: c.nuisance for c in system.columns if c.nuisance}
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
-        deviation, key = value - a.neutral, f"{name}.{parameter}"
-        usual, prior = effect.parameter(parameter).prior, priors.get(key)
-        # a delay has one, too, where rotor speeds are not logged and none is free
-        if usual and not prior:
-            prior = nuisance_with_prior(key, usual, system.model, system.recordings)
+        deviation = value - a.neutral
+        prior = system.number_with_prior(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = not prior or abs(deviation - prior.mean) > certain_sds * prior.sd
         if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):

@@ -9,9 +9,11 @@ import numpy as np
 
 from ges.diagnose.design.columns import (
     DesignColumn,
+    Nuisance,
     column_parts,
     evaluate_columns,
     nuisance_of,
+    nuisance_with_prior,
     nuisances,
     slowest_update_s,
     variant_of,
@@ -38,8 +40,9 @@ from ges.diagnose.library.candidates import Variant
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import MOMENT, channels, drive
 from ges.diagnose.settings import settings
-from ges.diagnose.types.keys import MarkedChannel
+from ges.diagnose.types.keys import MarkedChannel, ParameterKey
 from ges.diagnose.types.model import Model, block_of
+from ges.simulator import effects as effect_table
 from ges.threads import each
 
 
@@ -157,6 +160,23 @@ class System:
         key : ``effect.parameter``, of :attr:`nuisances`.
         """
         return nuisance_of(self.columns[self.nuisances[key]]).sd
+
+    def number_with_prior(self, key: str) -> Nuisance | None:
+        """Return a number with its prior: as it is free here, else the usual one, or None.
+
+        Parameters
+        ----------
+        key : ``effect.parameter``.
+
+        Notes
+        -----
+        A delay has one, too, where rotor speeds are not logged and none is free.
+        """
+        if key in self.nuisances:
+            return nuisance_of(self.columns[self.nuisances[key]])
+        effect, parameter = ParameterKey.of(key)
+        usual = effect_table.get(effect).parameter(parameter).prior
+        return nuisance_with_prior(key, usual, self.model, self.recordings) if usual else None
 
     @property
     def main(self) -> tuple[str, ...]:
