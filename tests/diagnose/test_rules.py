@@ -307,28 +307,48 @@ def test_a_mass_fixed_to_the_body_is_nearer_than_the_rotor_tips(x_m, beyond):
     assert significant(fitted, "payload").because == "x_m stands at its bound" or not beyond
 
 
-@pytest.mark.parametrize(("size", "bounds", "open_still"), [(0.0, 0, 0), (0.1, 0, 1), (0.1, 1, 0)])
-def test_nothing_is_open_where_all_stand_at_bounds_or_make_nothing(
-    monkeypatch, size, bounds, open_still
-):
-    """Healthy hovers: one of two lags, one at its bound and one of no size, was open."""
-    accepted = SimpleNamespace(rivals=("motor_lag", "esc_delay"), alternatives={"motor_lag": None})
-    fitted = SimpleNamespace(regression=SimpleNamespace(system=None))
-    told = Explanation(
-        Accepted((), None, None, None, {}, ("motor_lag", "esc_delay")), None, None, [], {}
-    )
-    accepted.alternatives = {"motor_lag": fitted}
-    monkeypatch.setattr(explanation, "fit_alternatives", lambda *_: accepted)
+@pytest.mark.parametrize(
+    ("sizes", "bounds", "flown"),
+    [
+        ({"motor_lag": 0.0}, (), None),
+        ({"motor_lag": 0.1}, (), "motor_lag"),
+        ({"motor_lag": 0.1}, ("motor_lag",), None),
+        ({"inertia": 0.1, "motor_lag": 0.1}, ("inertia",), "motor_lag"),
+        ({"inertia": 0.1, "slung_load": 0.1}, ("inertia",), "names alone"),
+    ],
+)
+def test_what_stands_at_a_bound_or_makes_nothing_is_not_flown(monkeypatch, sizes, bounds, flown):
+    """Healthy hovers: one of two lags, one at its bound and one of no size, was open. And a thrust
+    curve at its bound was flown: the unseen force along thrust was ten times worse.
+    """
+    fits = {n: SimpleNamespace(name=n, regression=SimpleNamespace(system=None)) for n in sizes}
+    result = SimpleNamespace(inclusion={"inertia": 0.5, "motor_lag": 0.3, "slung_load": 0.01})
+    accepted = Accepted((), result, None, "names alone", {}, (*sizes, "esc_delay"))
+    told = Explanation(accepted, None, None, [], {})
     monkeypatch.setattr(
-        explanation, "parameters_at_bounds", lambda _: {("motor_lag", "up_s")} if bounds else set()
+        explanation,
+        "fit_alternatives",
+        lambda *_: dataclasses.replace(accepted, alternatives=fits),
     )
-    monkeypatch.setattr(explanation, "contributions", lambda *_: {"motor_lag": None})
+    monkeypatch.setattr(
+        explanation,
+        "parameters_at_bounds",
+        lambda fit: [(fit.name, "up_s")] if fit.name in bounds else [],
+    )
+    monkeypatch.setattr(explanation, "contributions", lambda fit, *_: {fit.name: fit.name})
     monkeypatch.setattr(
         explanation,
         "size_of_contribution",
-        lambda *_: {"channel": "force_z", "share_of_weight": size},
+        lambda made, _: {"channel": "force_z", "share_of_weight": sizes[made]},
     )
-    last = SimpleNamespace(structures=[], last=SimpleNamespace(model=MODEL), accepted=accepted)
-    monkeypatch.setattr(explanation, "explanation_of", lambda *_: last)
+    monkeypatch.setattr(
+        explanation,
+        "explanation_of",
+        lambda accepted, *_: SimpleNamespace(
+            structures=[], last=SimpleNamespace(model=MODEL), accepted=accepted
+        ),
+    )
     found, _ = explanation.refit_with_open_names(told, [], None, MODEL, None, DecisionLog())
-    assert len(found.accepted.rivals) == (2 if open_still else 0)
+    assert found.accepted.rivals == ((*sizes, "esc_delay") if flown else ())
+    if flown:
+        assert found.accepted.fitted == fits.get(flown, flown)

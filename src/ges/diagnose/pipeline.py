@@ -17,6 +17,7 @@ from ges.diagnose.decide.laws import FittedLaw, add_laws, rival_laws
 from ges.diagnose.design.speeds import with_expected_speeds
 from ges.diagnose.detectors.balance import balance_shift
 from ges.diagnose.detectors.gusts import GUSTS
+from ges.diagnose.detectors.thrust import movable_by_voltage
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.prepare.problem import Recordings, pose_problem
@@ -111,8 +112,8 @@ def diagnose(
     laws: list[FittedLaw] = []
     if names is None:
         explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
-    may_move = shift.may_move if shift else ()
-    excused = excused_effects((*explanation.accepted.rivals, *may_move), record)
+    movable = movable_by_voltage(start.system)
+    excused = excused_effects((*explanation.accepted.rivals, *movable), record)
     last = explanation.last
     contradicted = [] if names else contradicted_parameters(last.joint, start.system, excused)
 

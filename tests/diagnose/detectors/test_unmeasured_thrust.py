@@ -9,7 +9,11 @@ import pytest
 
 from ges.diagnose.design.drives import commanded_speeds
 from ges.diagnose.detectors.clocks import gate_findings
-from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
+from ges.diagnose.detectors.thrust import (
+    UnmeasuredThrust,
+    movable_by_voltage,
+    unmeasured_thrust,
+)
 from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
@@ -88,7 +92,19 @@ def test_a_top_speed_is_told_as_a_share_of_it():
     assert found.excess.value == pytest.approx(0.2) and found.prior_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
     assert "or another max_rotor_speed_rad_s would do it" in found.sentence()
-    assert "vehicle" in found.may_move
+
+
+@pytest.mark.parametrize(
+    ("flight", "movable"),
+    [
+        (COMMANDED, {"battery_sag", "thrust_scale", "vehicle"}),
+        (hovering(), {"battery_sag", "thrust_curve", "vehicle"}),
+        (hovering(battery_V=16.0), set()),
+    ],
+)
+def test_what_a_voltage_can_move_is_no_number_of_the_file_that_is_wrong(flight, movable):
+    """Scale and curve of a log undid each other in hover, and the scale was told, -60 %."""
+    assert movable_by_voltage(_system(flight)) == movable
 
 
 def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):

@@ -84,7 +84,7 @@ class Accepted(_WithFit):
     probability : posterior probability of every accepted name.
     rivals : names of which one is needed, the most probable first.
     contested : those of them that others could replace.
-    alternatives : the fits with each rival, the first of them ``fitted``.
+    alternatives : the fits with each rival. The likeliest off its bounds is ``fitted``.
     alike : places where each name does nearly the same in these flights.
     """
 
@@ -104,7 +104,7 @@ class Accepted(_WithFit):
 
     @property
     def modelled(self) -> tuple[str, ...]:
-        """The names, and what the first of the alternatives adds."""
+        """The names, and what the alternative that is fitted adds."""
         return tuple(n for n in self.fitted.effects if n != LAW) if self.fitted else ()
 
 

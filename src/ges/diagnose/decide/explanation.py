@@ -25,6 +25,7 @@ from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
+from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -239,18 +240,25 @@ def refit_with_open_names(
     Returns
     -------
     The explanation and the unexplained structures. Nothing is open where each of the names stands
-    at a bound, or makes less than what matters.
+    at a bound, or makes less than what matters. Of others the likeliest is modelled, where it is
+    possible at all.
     """
     if balance:
         accepted = fit_causes(explanation.accepted, balance.effects())
     elif explanation.accepted.rivals:
         accepted = fit_alternatives(explanation.accepted, record)
-        if not any(_matters(accepted, name, nominal, record) for name in accepted.alternatives):
+        matters = [n for n in accepted.alternatives if _matters(accepted, n, nominal, record)]
+        if not matters:
             for name in accepted.alternatives:
                 because = "each that is open stands at a bound, or makes less than what matters"
                 record.note(name, Decision("open", False, because))
             without = explanation.accepted.without_rivals()
             return dataclasses.replace(explanation, accepted=without), unexplained
+        # flights ask for more than what stands at a bound can be: it would not fly as they did
+        inclusion, least = accepted.result.inclusion, settings.statistics.possible_probability
+        possible = [accepted.alternatives[n] for n in matters if inclusion.get(n, 0.0) >= least]
+        fitted = next(iter(possible), explanation.accepted.fitted)
+        accepted = dataclasses.replace(accepted, fitted=fitted)
     else:
         return explanation, unexplained
     refitted = explanation_of(accepted, explanation.gusts, start, nominal)

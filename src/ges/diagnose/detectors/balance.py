@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 from scipy.sparse.csgraph import minimum_spanning_tree
@@ -118,9 +117,6 @@ class Shift:
     loss: Cause
     mass: Cause
     swing_seen: bool
-
-    may_move: ClassVar[frozenset[str]] = frozenset()
-    """Effects whose nominal parameters it can move: none."""
 
     @property
     def gained(self) -> float:

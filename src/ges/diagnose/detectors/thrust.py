@@ -53,11 +53,6 @@ class UnmeasuredThrust:
     prior_sd: float
     rivals: tuple[str, ...]
 
-    @property
-    def may_move(self) -> frozenset[str]:
-        """Effects whose nominal parameters the rivals can move, and the top speed."""
-        return frozenset({*self.rivals, ParameterKey.of(SPEED).effect})
-
     def sentence(self) -> str:
         """Return how far the thrust is off, what would explain it, and how to find out."""
         low, high = self.excess.ci95
@@ -142,6 +137,36 @@ def _thrust_per_bend(model: Model) -> float:
     return model.number("max_rotor_speed_rad_s") / model.hover_rad_s - 1.0
 
 
+def unmeasured_causes(system: System) -> tuple[str, ...]:
+    """Return causes of another thrust that flights cannot separate, for want of a voltage.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Notes
+    -----
+    Scale and curve may undo each other in hover: no single one of their numbers is known.
+    """
+    unmet = (n for n in CAUSES if unmet_requirement(n, system.recordings, system.model))
+    return tuple(sorted(unmet))
+
+
+def movable_by_voltage(system: System) -> frozenset[str]:
+    """Return effects whose nominal parameters a voltage that nobody logged can move.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Returns
+    -------
+    The causes, and ``vehicle`` for the top speed; empty where the voltage is known.
+    """
+    causes = unmeasured_causes(system)
+    return frozenset({*causes, ParameterKey.of(SPEED).effect}) if causes else frozenset()
+
+
 def unmeasured_thrust(
     joint: JointFit, system: System, named: Collection[str] = ()
 ) -> UnmeasuredThrust | None:
@@ -160,8 +185,7 @@ def unmeasured_thrust(
     """
     if ParameterKey.of(CURVE).effect in named:
         return None
-    model, flights = system.model, [r.flight for r in system.flights]
-    rivals = tuple(sorted(name for name in CAUSES if unmet_requirement(name, flights, model)))
+    model, flights, rivals = system.model, system.recordings, unmeasured_causes(system)
     prior_sds = {
         key: sd
         for key in system.nuisances
