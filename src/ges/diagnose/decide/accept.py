@@ -465,13 +465,18 @@ def _fit_with_replacement(fitted: Fitted, name: str, rival: str, system: System)
     return polish(system, values, free, fixed_noise=fitted.regression.noise)
 
 
-def fit_along_rollouts(accepted: Accepted) -> Accepted:
+def fit_along_rollouts(accepted: Accepted, record: DecisionLog | None = None) -> Accepted:
     """Refine the fit by multiple shooting, along the path that the model flies itself.
 
     Parameters
     ----------
     accepted : names and fits. It is returned unchanged with effects that have memory of the path,
         whose state pieces would break.
+    record : takes the decisions. Every name stays where it is not given.
+
+    Returns
+    -------
+    Without names that are not significant in this fit, which is the one that is told.
     """
     fitted, system = accepted.fitted, accepted.regression.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
@@ -480,7 +485,28 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
     model = fitted_model(system.model, fitted)
     flights = each(lambda flight: with_rollout_path(flight, model), system.recordings)
     polished = polish(system, fitted.effects, fitted.free, flights)
-    return dataclasses.replace(accepted, fitted=polished)
+    decisions = {n: significant(polished, n) for n in accepted.names} if record else {}
+    failed = {n for n, d in decisions.items() if not d.passed}
+    if record is None or not failed:
+        return dataclasses.replace(accepted, fitted=polished)
+    for name in sorted(failed):
+        record.note(name, decisions[name])
+    return fit_along_rollouts(_without_names(accepted, failed), record)
+
+
+def _without_names(accepted: Accepted, failed: Collection[str]) -> Accepted:
+    """Return what is accepted without some names, and what acted through them, fitted again."""
+    system, fitted = accepted.regression.system, accepted.fit
+    kept = [n for n in accepted.names if n not in failed]
+    names = tuple(n for n in kept if has_prerequisite(n, {*kept, *system.model.effects}))
+    effects = {n: fitted.effects[n] for n in names}
+    free = [f for f in fitted.free if f[0] in effects]
+    return dataclasses.replace(
+        accepted,
+        names=names,
+        fitted=polish(system, effects, free) if names else None,
+        probability={n: accepted.probability[n] for n in names},
+    )
 
 
 def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:

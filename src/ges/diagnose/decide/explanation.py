@@ -79,7 +79,8 @@ def explain_flights(
     gusts = _gusts(accepted, start, nominal_gusts)
     if gusts and accepted.fitted is not None and only is None:
         start, accepted, gusts = _accept_in_gusts(start, accepted, gusts, nominal_gusts, record)
-    return start, explanation_of(fit_along_rollouts(accepted), gusts, start, nominal)
+    refined = fit_along_rollouts(accepted, record if only is None else None)
+    return start, explanation_of(refined, gusts, start, nominal)
 
 
 def _accept_where_numbers_are(
