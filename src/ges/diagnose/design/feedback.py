@@ -412,7 +412,7 @@ def endogenous_parts(
 
     Notes
     -----
-    Shapes of one parameter are endogenous alike: its first column in a channel stands for them.
+    Shapes of one parameter are endogenous alike: its first column stands for them.
     """
     parts: dict[tuple[str, int], dict[str, np.ndarray]] = {}
     for kind, shows, part in PARTS:
@@ -421,8 +421,9 @@ def endogenous_parts(
         for c, name in channels.items() if columns else ():
             channel = _Channel(name, instruments, length_s, rates_measured)
             if shows(channel):
-                # of a parameter in parts the one that acts here
-                acting = set(x.at[c].tolist())
+                # of a force and its moment the one that acts here. The moment of a ground effect
+                # counts in full while it is searched: it tells one from a fountain
+                acting = set(x.at[c].tolist()) if kind == MOTION else ()
                 at = [next((k for k in ks if k in acting), ks[0]) for ks in columns.values()]
                 values = _in_all_windows(air, part(x.of(c, at)[air], own, channel))
                 parts[kind, c] = dict(zip(own, np.ascontiguousarray(values.T), strict=True))
