@@ -13,7 +13,6 @@ import numpy as np
 from ges.diagnose.design.columns import variant_of
 from ges.diagnose.library.candidates import Candidate
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, Regression, posteriors
-from ges.diagnose.select.interval import IntervalNull, interval_null
 from ges.diagnose.settings import settings
 from ges.threads import each
 
@@ -158,7 +157,6 @@ class SetScorer:
     ----------
     gram, prior : of all columns.
     freed_nuisances : nuisances that a candidate frees.
-    null : what is no finding.
 
     Notes
     -----
@@ -170,7 +168,6 @@ class SetScorer:
     gram: Gram
     prior: Prior
     freed_nuisances: FreedNuisances
-    null: IntervalNull
 
     def posteriors(self, sets: Sequence[Sequence[Entry]]) -> list[Posterior]:
         """Return the posterior of every set.
@@ -245,10 +242,7 @@ class SetScorer:
         own = np.array([columns for _, columns, _ in part], dtype=int)
         freed = np.array([nuisances for _, _, nuisances in part], dtype=int)
         more = self.freed_nuisances.condition_on_zero(freed, own) if freed.shape[1] else None
-        mean, covariance, log_evidence = posteriors(self.gram, own, self.prior, more)
-        sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        log_evidence = log_evidence + self.null.log_evidence(own, mean, sd)
-        return [i for i, _, _ in part], own, (mean, covariance, log_evidence)
+        return [i for i, _, _ in part], own, posteriors(self.gram, own, self.prior, more)
 
 
 def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:
@@ -269,5 +263,4 @@ def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:
         regression.pool(),
         regression.prior,
         _freed_nuisances(regression.pool(frozenset(at.values())), regression.prior, at),
-        interval_null(regression.system, regression.prior),
     )
