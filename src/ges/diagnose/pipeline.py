@@ -112,8 +112,8 @@ def diagnose(
     laws: list[FittedLaw] = []
     if names is None:
         explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
-    open_names = {*explanation.accepted.rivals, *movable_by_voltage(start.system)}
-    last, excused = explanation.last, excused_effects(open_names, record)
+    movable = {*explanation.accepted.rivals, *movable_by_voltage(start.system)}
+    last, excused = explanation.last, excused_effects(movable, record)
     contradicted = [] if names else contradicted_parameters(last.joint, start.system, excused)
 
     # how much better held-out flights are

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import expit
@@ -218,12 +219,22 @@ def _only_air(selection: _Selection, system: System) -> _Selection:
     """Return winds, and what they act through, fitted without the other names."""
     moving = {n for n in selection.names if effect_table.get(n).moves_air}
     kept = moving | {c for n in moving for c in effect_table.get(n).prerequisites}
-    names, fit = tuple(n for n in selection.names if n in kept), selection.fit
-    effects = {n: v for n, v in fit.effects.items() if n in kept}
-    return _Selection(
-        names,
-        polish(system, effects, [f for f in fit.free if f[0] in kept]),
-        {n: selection.probability[n] for n in names},
+    return _restricted(selection, [n for n in selection.names if n in kept], system)
+
+
+_Kept = TypeVar("_Kept", Accepted, _Selection)
+
+
+def _restricted(whole: _Kept, names: Sequence[str], system: System) -> _Kept:
+    """Return what is accepted with these of its names alone, fitted without the others."""
+    fit = whole.fit
+    effects = {e: v for e, v in fit.effects.items() if e in names}
+    free = [f for f in fit.free if f[0] in names]
+    return dataclasses.replace(
+        whole,
+        names=tuple(names),
+        fitted=polish(system, effects, free) if names else None,
+        probability={n: whole.probability[n] for n in names},
     )
 
 
@@ -485,28 +496,19 @@ def fit_along_rollouts(accepted: Accepted, record: DecisionLog | None = None) ->
     model = fitted_model(system.model, fitted)
     flights = each(lambda flight: with_rollout_path(flight, model), system.recordings)
     polished = polish(system, fitted.effects, fitted.free, flights)
-    decisions = {n: significant(polished, n) for n in accepted.names} if record else {}
+    refined = dataclasses.replace(accepted, fitted=polished)
+    if record is None:
+        return refined
+    decisions = {n: significant(polished, n) for n in accepted.names}
     failed = {n for n, d in decisions.items() if not d.passed}
-    if record is None or not failed:
-        return dataclasses.replace(accepted, fitted=polished)
+    if not failed:
+        return refined
     for name in sorted(failed):
         record.note(name, decisions[name])
-    return fit_along_rollouts(_without_names(accepted, failed), record)
-
-
-def _without_names(accepted: Accepted, failed: Collection[str]) -> Accepted:
-    """Return what is accepted without some names, and what acted through them, fitted again."""
-    system, fitted = accepted.regression.system, accepted.fit
+    # what acted through a name that fell has nothing to act through
     kept = [n for n in accepted.names if n not in failed]
-    names = tuple(n for n in kept if has_prerequisite(n, {*kept, *system.model.effects}))
-    effects = {n: fitted.effects[n] for n in names}
-    free = [f for f in fitted.free if f[0] in effects]
-    return dataclasses.replace(
-        accepted,
-        names=names,
-        fitted=polish(system, effects, free) if names else None,
-        probability={n: accepted.probability[n] for n in names},
-    )
+    kept = [n for n in kept if has_prerequisite(n, {*kept, *system.model.effects})]
+    return fit_along_rollouts(_restricted(accepted, kept, system), record)
 
 
 def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
@@ -548,7 +550,6 @@ def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:
     return dataclasses.replace(
         accepted,
         rivals=tuple(n for n in accepted.rivals if n not in idle),
-        fitted=next(iter(fits.values()), accepted.fitted),
         alternatives=fits,
     )
 

@@ -248,18 +248,18 @@ def refit_with_open_names(
         accepted = fit_causes(explanation.accepted, balance.effects())
     elif explanation.accepted.rivals:
         accepted = fit_alternatives(explanation.accepted, record)
-        matters = [n for n in accepted.alternatives if _matters(accepted, n, nominal, record)]
-        if not matters:
-            for name in accepted.alternatives:
+        # the most probable stand first
+        names = accepted.alternatives
+        likeliest = next((n for n in names if _matters(accepted, n, nominal, record)), None)
+        if likeliest is None:
+            for name in names:
                 because = "each that is open stands at a bound, or makes less than what matters"
                 record.note(name, Decision("open", False, because))
             without = explanation.accepted.without_rivals()
             return dataclasses.replace(explanation, accepted=without), unexplained
         # flights ask for more than what stands at a bound can be: it would not fly as they did
-        inclusion, least = accepted.result.inclusion, settings.statistics.possible_probability
-        possible = [accepted.alternatives[n] for n in matters if inclusion.get(n, 0.0) >= least]
-        fitted = next(iter(possible), explanation.accepted.fitted)
-        accepted = dataclasses.replace(accepted, fitted=fitted)
+        if accepted.result.inclusion[likeliest] >= settings.statistics.possible_probability:
+            accepted = dataclasses.replace(accepted, fitted=names[likeliest])
     else:
         return explanation, unexplained
     refitted = explanation_of(accepted, explanation.gusts, start, nominal)
