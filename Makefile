@@ -24,6 +24,9 @@ BIN := $(VENV)/bin
 # process has nothing left to do.
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations 40
 
+# Compiled modules are kept: hundreds of processes would each compile them again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: all test test-all proof env build docs site example lint lock clean check-python check-cc
 .DEFAULT_GOAL := all
 

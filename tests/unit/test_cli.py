@@ -40,6 +40,16 @@ def test_the_package_runs_as_a_module():
     assert result.returncode == 0 and __version__ in result.stdout
 
 
+def test_help_waits_for_no_package_that_it_does_not_need():
+    code = "import sys; from ges.cli import cli; cli(['--help'], standalone_mode=False)"
+    result = subprocess.run(
+        [sys.executable, "-c", f"{code}; print(*sys.modules)"], capture_output=True, text=True
+    )
+    imported = set(result.stdout.splitlines()[-1].split())
+    assert "ges.commands.simulate" in imported
+    assert not imported & {"pandas", "scipy", "sklearn", "matplotlib", "torch"}
+
+
 @pytest.mark.parametrize(
     ("words", "code", "sentence"),
     [

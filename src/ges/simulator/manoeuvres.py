@@ -9,12 +9,15 @@ to the commanded angular acceleration about the body axes (rad/s^2) and to the v
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from ges.conventions import AXES, EXCITATION, MOST_NUMBERS, POSITION_REF, VELOCITY_REF
 from ges.errors import GesError, UsageError, unknown_name
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STEP_S = 0.02
 COLUMNS = (
@@ -241,6 +244,9 @@ def to_frame(table: np.ndarray) -> pd.DataFrame:
     -------
     Table of ``t_s`` and :data:`COLUMNS`, as a set-point file has it.
     """
+    # whatever lists the manoeuvres would wait for it: a quarter of a second
+    import pandas as pd
+
     return pd.DataFrame(
         {"t_s": np.arange(len(table)) * STEP_S, **dict(zip(COLUMNS, table.T, strict=True))}
     )
