@@ -213,7 +213,8 @@ static inline void set_factor(sample_t *s, const vd thrust_added[GES_ROTORS]) {
 
 /* Commanded rotor speeds and lags, effects included; w_cmd is held within [0, w_max]. */
 static inline void add_drive(const active_t *a, const sample_t *s, const vd *y, vd *dy, drive_t *d) {
-  memset(d, 0, sizeof *d);
+  clear(d->speed, ROTORS_OF(s));
+  d->lag_up = d->lag_down = d->battery = all_lanes(0.0);
   for (int j = 0; j < a->n; j++)
     if (a->effect[j]->drive)
       a->effect[j]->drive(s, a->p[j], y + Y_X + a->first_state[j], dy + Y_X + a->first_state[j], d);
@@ -225,7 +226,7 @@ static inline void add_drive(const active_t *a, const sample_t *s, const vd *y, 
 }
 
 /* Voltage of the battery, V: as recorded, or as the drive has it where it was not. */
-static inline vd voltage_of(const sample_t *s, const drive_t *d) { return sel(MASK(s->battery == s->battery), s->battery, d->battery); }
+static inline vd voltage_of(const sample_t *s, const drive_t *d) { return sel(EQ(s->battery, s->battery), s->battery, d->battery); }
 
 /* Force and moment on the body, gravity and gyroscopic terms apart: thrusts, reaction torques, effects. */
 static inline void sum_wrench(const sample_t *s, const wrench_t *w, vd force[3], vd moment[3]) {

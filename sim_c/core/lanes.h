@@ -31,7 +31,6 @@ typedef double vd;
 typedef int64_t vl;
 typedef uint64_t vu;
 typedef float vf;
-#define MASK(condition) (-(vl)(condition))
 static inline double lane(vd v, int i) { (void)i; return v; }
 static inline void set_lane(vd *v, int i, double x) { (void)i; *v = x; }
 static inline vd sel(vl mask, vd a, vd b) { return mask ? a : b; }
@@ -40,10 +39,8 @@ static inline vf to_float(vd v) { return (vf)v; }
 static inline vd to_double(vf v) { return (vd)v; }
 #else
 typedef double vd __attribute__((vector_size(8 * GES_W)));
-typedef int64_t vl __attribute__((vector_size(8 * GES_W)));
 typedef uint64_t vu __attribute__((vector_size(8 * GES_W)));
 typedef float vf __attribute__((vector_size(4 * GES_W)));
-#define MASK(condition) (condition)
 static inline double lane(vd v, int i) { return v[i]; }
 static inline void set_lane(vd *v, int i, double x) { (*v)[i] = x; }
 /* GCC's own names of the instructions: parsing immintrin.h takes four fifths of the time of a build. */
@@ -51,39 +48,48 @@ static inline void set_lane(vd *v, int i, double x) { (*v)[i] = x; }
 #include <immintrin.h>
 #endif
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && GES_W == 8
+/* A bit a lane, as the processor has them. */
+typedef uint8_t vl;
+static inline int any(vl mask) { return mask != 0; }
 #ifdef __clang__
-static inline vd sel(vl mask, vd a, vd b) {
-  return (vd)_mm512_mask_blend_pd(_mm512_movepi64_mask((__m512i)mask), (__m512d)b, (__m512d)a);
-}
-static inline int any(vl mask) { return _mm512_movepi64_mask((__m512i)mask) != 0; }
+#define COMPARE(a, b, predicate) ((vl)_mm512_cmp_pd_mask((__m512d)(a), (__m512d)(b), predicate))
+static inline vd sel(vl mask, vd a, vd b) { return (vd)_mm512_mask_blend_pd(mask, (__m512d)b, (__m512d)a); }
 static inline vd lane_sqrt(vd x) { return (vd)_mm512_sqrt_pd((__m512d)x); }
+static inline vd lane_min(vd a, vd b) { return (vd)_mm512_min_pd((__m512d)a, (__m512d)b); }
+static inline vd lane_max(vd a, vd b) { return (vd)_mm512_max_pd((__m512d)a, (__m512d)b); }
 #else
-typedef long long lanes_ll __attribute__((vector_size(8 * GES_W)));
-static inline vd sel(vl mask, vd a, vd b) {
-  return __builtin_ia32_blendmpd_512_mask(b, a, __builtin_ia32_cvtq2mask512((lanes_ll)mask));
-}
-static inline int any(vl mask) { return __builtin_ia32_cvtq2mask512((lanes_ll)mask) != 0; }
+#define COMPARE(a, b, predicate) ((vl)__builtin_ia32_cmppd512_mask(a, b, predicate, -1, 4))
+static inline vd sel(vl mask, vd a, vd b) { return __builtin_ia32_blendmpd_512_mask(b, a, mask); }
 /* all lanes, rounded as is set (4) */
 static inline vd lane_sqrt(vd x) { return __builtin_ia32_sqrtpd512_mask(x, x, -1, 4); }
+static inline vd lane_min(vd a, vd b) { return __builtin_ia32_minpd512_mask(a, b, a, -1, 4); }
+static inline vd lane_max(vd a, vd b) { return __builtin_ia32_maxpd512_mask(a, b, a, -1, 4); }
 #endif
-#elif defined(__AVX__) && GES_W == 4
+#else
+typedef int64_t vl __attribute__((vector_size(8 * GES_W)));
+#if defined(__AVX__) && GES_W == 4
 #ifdef __clang__
 static inline vd sel(vl mask, vd a, vd b) { return (vd)_mm256_blendv_pd((__m256d)b, (__m256d)a, (__m256d)mask); }
 static inline int any(vl mask) { return _mm256_movemask_pd((__m256d)mask) != 0; }
 static inline vd lane_sqrt(vd x) { return (vd)_mm256_sqrt_pd((__m256d)x); }
+static inline vd lane_min(vd a, vd b) { return (vd)_mm256_min_pd((__m256d)a, (__m256d)b); }
+static inline vd lane_max(vd a, vd b) { return (vd)_mm256_max_pd((__m256d)a, (__m256d)b); }
 #else
 static inline vd sel(vl mask, vd a, vd b) { return __builtin_ia32_blendvpd256(b, a, (vd)mask); }
 static inline int any(vl mask) { return __builtin_ia32_movmskpd256((vd)mask) != 0; }
 static inline vd lane_sqrt(vd x) { return __builtin_ia32_sqrtpd256(x); }
+static inline vd lane_min(vd a, vd b) { return __builtin_ia32_minpd256(a, b); }
+static inline vd lane_max(vd a, vd b) { return __builtin_ia32_maxpd256(a, b); }
 #endif
 #else
-#define GES_PLAIN_SQRT
+#define GES_PLAIN
 static inline vd sel(vl mask, vd a, vd b) { return (vd)(((vl)a & mask) | ((vl)b & ~mask)); }
 static inline int any(vl mask) {
   int64_t all = 0;
   for (int i = 0; i < GES_W; i++) all |= mask[i];
   return all != 0;
 }
+#endif
 #endif
 static inline vf to_float(vd v) { return __builtin_convertvector(v, vf); }
 static inline vd to_double(vf v) { return __builtin_convertvector(v, vd); }
@@ -92,20 +98,46 @@ static inline vd to_double(vf v) { return __builtin_convertvector(v, vd); }
 /* For the innermost functions, whose results should stay in registers. */
 #define INNER static inline __attribute__((always_inline))
 
-#define LT(a, b) MASK((a) < (b))
-#define GT(a, b) MASK((a) > (b))
+/* Comparisons, lane by lane. */
+#if defined(COMPARE)
+#define EQ(a, b) COMPARE(a, b, 0)
+#define LT(a, b) COMPARE(a, b, 1)
+#define LE(a, b) COMPARE(a, b, 2)
+#define NE(a, b) COMPARE(a, b, 4)
+#elif GES_W == 1
+#define EQ(a, b) (-(vl)((a) == (b)))
+#define LT(a, b) (-(vl)((a) < (b)))
+#define LE(a, b) (-(vl)((a) <= (b)))
+#define NE(a, b) (-(vl)((a) != (b)))
+#else
+#define EQ(a, b) ((a) == (b))
+#define LT(a, b) ((a) < (b))
+#define LE(a, b) ((a) <= (b))
+#define NE(a, b) ((a) != (b))
+#endif
+#define GT(a, b) LT(b, a)
+#define GE(a, b) LE(b, a)
 
 static inline vd all_lanes(double x) { return x - (vd){0}; }
+INNER void clear(vd *x, int n) {
+  for (int i = 0; i < n; i++) x[i] = all_lanes(0.0);
+}
 static inline vu bits_of(vd v) { vu b; memcpy(&b, &v, sizeof b); return b; }
 static inline vd from_bits(vu b) { vd v; memcpy(&v, &b, sizeof v); return v; }
+#if GES_W == 2 && defined(__SSE2__) && !defined(__clang__)
+static inline vd lane_min(vd a, vd b) { return __builtin_ia32_minpd(a, b); }
+static inline vd lane_max(vd a, vd b) { return __builtin_ia32_maxpd(a, b); }
+#elif GES_W == 1 || defined(GES_PLAIN)
+/* of two zeros, and where one is NaN, the second, as the processor's own instructions have it */
 static inline vd lane_min(vd a, vd b) { return sel(LT(a, b), a, b); }
 static inline vd lane_max(vd a, vd b) { return sel(GT(a, b), a, b); }
+#endif
 static inline vd clamp(vd x, vd low, vd high) { return lane_min(lane_max(x, low), high); }
 static inline vd lane_abs(vd x) { return from_bits(bits_of(x) & 0x7fffffffffffffffULL); }
 /* Nearest integer, halves to even; |x| < 2^51. */
 static inline vd nearest(vd x) { return (x + MAGIC_ROUND) - MAGIC_ROUND; }
 
-#if GES_W == 1 || defined(GES_PLAIN_SQRT)
+#if GES_W == 1 || defined(GES_PLAIN)
 static inline vd lane_sqrt(vd x) {
   vd r = x;
   for (int i = 0; i < GES_W; i++) set_lane(&r, i, __builtin_sqrt(lane(x, i)));

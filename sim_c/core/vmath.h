@@ -57,7 +57,7 @@ static inline void lane_sin_cos(vd x, vd *sine, vd *cosine) {
   vd c = 1.0 + r2 * (-0.5 + r2 * (4.1666666666666664e-02 + r2 * (-1.388888888888889e-03 + r2 * (2.48015873015873e-05 +
          r2 * (-2.7557319223985893e-07 + r2 * (2.08767569878681e-09 - r2 * 1.1470745597729725e-11))))));
   vd half = k * 0.5, quarter = k * 0.25;
-  vl odd = MASK(half != nearest(half));
+  vl odd = NE(half, nearest(half));
   vd base = k - 4.0 * nearest(quarter - 0.375); /* quadrant 0..3 */
   vl sine_negative = GT(base, all_lanes(1.5));
   vl cosine_negative = GT(base, all_lanes(0.5)) & LT(base, all_lanes(2.5));

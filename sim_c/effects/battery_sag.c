@@ -10,7 +10,7 @@ static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *
   vd load = total(s, s->thrust) / (s->mass * s->gravity);
   vd nominal = sel(GT(p[1], all_lanes(0.0)), p[1], s->battery_nominal);
   vd modelled = nominal - p[2] * s->t - p[3] * load;
-  vd voltage = sel(MASK(s->battery == s->battery), s->battery, modelled);
+  vd voltage = sel(EQ(s->battery, s->battery), s->battery, modelled);
   vd change = p[0] * (voltage / nominal - 1.0);
   add->battery += modelled - s->battery_nominal;
   for (int i = 0; i < ROTORS_OF(s); i++) add->speed[i] += s->speed_max * s->u[i] * change;

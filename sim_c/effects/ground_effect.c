@@ -72,7 +72,7 @@ static fraction_t gain(const sample_t *s, const vd *p, int i) {
 /* 1 / cos(slope)^n; the usual exponents 0, 1, 2 without a general power. */
 static vd inverse_slope_factor(const ground_t *g, vd n) {
   vd square = 1.0 + g->gx * g->gx + g->gy * g->gy;
-  vl one = MASK(n == 1.0), two = MASK(n == 2.0), zero = MASK(n == 0.0);
+  vl one = EQ(n, all_lanes(1.0)), two = EQ(n, all_lanes(2.0)), zero = EQ(n, all_lanes(0.0));
   vd f = sel(one, lane_sqrt(square), sel(two, square, all_lanes(1.0)));
   vl usual = one | two | zero;
   return any(~usual) ? sel(usual, f, lane_pow(square, 0.5 * n)) : f;

@@ -3,8 +3,8 @@
 
 static void sense(const sample_t *s, const vd *p, vd *x, reading_t *add) {
   vd known = lane_max(s->range, all_lanes(-1e30)); /* NaN readings leave the filter alone */
-  vl good = MASK(s->range == s->range);
-  vl fresh = MASK(x[1] == 0.0);
+  vl good = EQ(s->range, s->range);
+  vl fresh = EQ(x[1], all_lanes(0.0));
   vd start = sel(fresh, known, x[0]);
   vd next = start + (known - start) * (s->dt / (s->dt + lane_max(p[0], all_lanes(1e-9))));
   x[0] = sel(good, next, x[0]);

@@ -313,7 +313,7 @@ static void read_telemetry(lanes_t *l, const reading_t *add) {
   const sample_t *s = &l->sample;
   reading_t *y = &l->reading;
   vd range = noisy(s->range + add->range, n->range, &l->stream[RANGE]);
-  y->range = sel(MASK(range <= n->range_max), range, all_lanes(NAN));
+  y->range = sel(LE(range, n->range_max), range, all_lanes(NAN));
   for (int i = 0; i < ROTORS_OF(s); i++) {
     y->rpm[i] = noisy(s->speed[i], n->rpm, &l->stream[TELEMETRY]);
     y->current[i] = noisy(n->idle + n->per_torque * s->torque[i], n->current, &l->stream[TELEMETRY]);
@@ -532,6 +532,12 @@ static void body_rates(lanes_t *l, const wrench_t *w, vd *dy) {
   for (int k = 0; k < 3; k++) s->omega_dot[k] = dy[Y_OMEGA + k];
 }
 
+static void clear_wrench(const sample_t *s, wrench_t *w) {
+  clear(w->thrust, ROTORS_OF(s));
+  clear(w->force, 3);
+  clear(w->moment, 3);
+}
+
 /* Rates dy of the state y at the sample's time; k >= 0: also run what is due at step k. */
 static void rates(lanes_t *l, vd *y, vd *dy, int k) {
   wrench_t w;
@@ -539,8 +545,8 @@ static void rates(lanes_t *l, vd *y, vd *dy, int k) {
   const active_t *a = &l->active;
   controllers[l->plan->control].impose(l, y);
   if (l->plan->attitude_imposed) impose_attitude(l, y);
-  memset(&w, 0, sizeof w);
-  memset(dy, 0, sizeof(vd) * (size_t)l->n_y);
+  clear_wrench(s, &w);
+  clear(dy + Y_X, a->n_states);
   build_sample(&l->body, a, &l->ground, y, s);
   add_ground(a, s, y, dy, &w);
   if (k >= 0 && (k % l->plan->control_every == 0 || k % l->plan->record_every == 0)) {
@@ -613,7 +619,7 @@ static const char *bad_field(const lanes_t *l, int i) {
 static void stop_bad_lanes(const lanes_t *l, ges_flight *const *flights, int n, int row) {
   vd probe = all_lanes(0.0);
   for (int k = 0; k < l->n_y; k++) probe += l->y[k] * 0.0;
-  if (!any(MASK(probe != 0.0))) return;
+  if (!any(NE(probe, all_lanes(0.0)))) return;
   for (int i = 0; i < n; i++) {
     const char *field = flights[i]->stopped_row < 0 ? bad_field(l, i) : NULL;
     if (!field) continue;

@@ -24,7 +24,7 @@ static inline void load_lane(ground_lanes_t *g, int i, double left) {
 static inline void ground_move(ground_lanes_t *g, vd x) {
   if (g->kind != 1) return;
   vd left = nearest(x * g->inverse_slot) - 1.0;
-  if (!any(MASK(left != g->left))) return;
+  if (!any(NE(left, g->left))) return;
   for (int i = 0; i < GES_W; i++)
     if (lane(left, i) != lane(g->left, i)) load_lane(g, i, lane(left, i));
 }
@@ -79,7 +79,7 @@ INNER void add_wave(const vd w[4], vd amplitude, vd x, vd y, ground_t *out) {
 }
 
 INNER void add_procedural(const ground_lanes_t *g, vd x, vd y, ground_t *out) {
-  vl right = MASK(x >= g->edge);
+  vl right = GE(x, g->edge);
   vd f[6];
   for (int k = 0; k < 6; k++) f[k] = sel(right, g->feature[1][k], g->feature[0][k]);
   add_feature(f, x, y, out);
@@ -102,13 +102,19 @@ static inline void add_grid_lane(const ges_grid *m, int i, vd x, vd y, ground_t 
   set_lane(&out->gy, i, (north - south) / m->dy_m);
 }
 
+/* Apart from the rest: what writes single lanes has to be in memory. */
+static __attribute__((noinline)) void grid_at(const ground_lanes_t *g, vd x, vd y, ground_t *out) {
+  *out = (ground_t){g->z, all_lanes(0.0), all_lanes(0.0), all_lanes(0.0)};
+  for (int i = 0; i < GES_W; i++) add_grid_lane(g->terrain[i]->grid, i, x, y, out);
+}
+
 /* Ground at (x, y), both within half a slot of the last ground_move(). */
 INNER ground_t ground_at(const ground_lanes_t *g, vd x, vd y) {
-  ground_t out = {g->z, all_lanes(0.0), all_lanes(0.0), all_lanes(0.0)};
+  ground_t out = {g->z, all_lanes(0.0), all_lanes(0.0), all_lanes(0.0)}, grid;
   if (g->kind == 1) add_procedural(g, x, y, &out);
-  if (g->kind == 2)
-    for (int i = 0; i < GES_W; i++) add_grid_lane(g->terrain[i]->grid, i, x, y, &out);
-  return out;
+  if (g->kind != 2) return out;
+  grid_at(g, x, y, &grid);
+  return grid;
 }
 
 #endif
