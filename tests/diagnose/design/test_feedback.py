@@ -50,7 +50,7 @@ def test_how_the_controller_shows_is_what_the_descriptor_says():
 
 def test_what_no_controller_moves_is_never_loose():
     assert not _endogenous(
-        ("rotor_drag.k_kg", "cg_offset.x_m"), ("force_x", "moment_x"), [THRUST] * 2
+        ("rotor_tilt.x_rad", "cg_offset.x_m"), ("force_x", "moment_x"), [THRUST] * 2
     )
 
 
@@ -119,6 +119,27 @@ def test_shapes_of_one_parameter_are_loose_alike_by_the_first():
     part = found["dynamic", 0]
     assert set(part) == {"motor_lag.up_s", "esc_delay.delay_s"}
     np.testing.assert_array_equal(part["motor_lag.up_s"], one)
+
+
+def test_of_a_parameter_in_parts_the_one_that_acts_in_a_channel_is_endogenous_there():
+    """A drag's force and moment have a coefficient each; both are of one key."""
+    force, moment = 0.1 * THRUST, 3.0 + np.sin(T)
+    names = ("force_z", "moment_x")
+    x = table_of([{0: force}, {1: moment}], COUNT, len(names))
+    keys = ("rotor_drag.k_kg",) * 2
+    found = endogenous_parts(keys, x, LENGTH_S, dict(enumerate(names)), _told(names), AIR)
+    np.testing.assert_allclose(found["motion", 1]["rotor_drag.k_kg"], moment - moment.mean())
+    assert set(found) == {("motion", 1)}
+
+
+def test_what_rates_make_of_a_moment_is_endogenous_and_of_a_force_is_not():
+    """A gust turns the vehicle, so that damping of rates goes with the gust's moment."""
+    x = 2.0 + np.sin(T)
+    names = ("force_x", "force_z", "moment_y")
+    found = _endogenous(("rotor_drag.k_kg", "rotor_tilt.x_rad"), names, [x, x])
+    assert set(found) == {("motion", 2)}
+    assert set(found["motion", 2]) == {"rotor_drag.k_kg"}
+    np.testing.assert_allclose(found["motion", 2]["rotor_drag.k_kg"], x - x.mean())
 
 
 def test_on_the_ground_nothing_is_loose():

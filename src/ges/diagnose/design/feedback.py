@@ -18,6 +18,8 @@ coefficient may err by the correlation (see ``whiten``). The kinds are:
   disturbances shake the vehicle, and so the load.
 - ``drive``: all that moves a rotor's speed. Its changes are endogenous. The noise of the commands
   between two rows is in the model's speed, in the residual and in the column alike.
+- ``motion``: what velocity and body rates make of a moment. A disturbance that turns the vehicle
+  makes its rates, too, and then its speed. Changes are endogenous.
 - ``height``: an error of a rangefinder that grows with height. The height that it is compared with
   is a reading, too.
 """
@@ -49,7 +51,7 @@ from ges.simulator import effects as effect_table
 
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
-DRIVE = "drive"
+DRIVE, MOTION = "drive", "motion"
 
 EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
@@ -90,6 +92,17 @@ def moves_a_speed(key: str) -> bool:
     """
     effect = effect_table.table().get(ParameterKey.of(key).effect)
     return key == SPEED or (effect is not None and effect.kind == "actuator")
+
+
+def is_made_by_velocity(key: str) -> bool:
+    """Return whether a number is of a force or moment that velocity and body rates make.
+
+    Parameters
+    ----------
+    key : ``effect.parameter``.
+    """
+    effect = effect_table.table().get(ParameterKey.of(key).effect)
+    return effect is not None and effect.feedback == "none" and "velocity" in effect.needs
 
 
 def subtract_trims(
@@ -346,6 +359,10 @@ def _is_vertical(channel: _Channel) -> bool:
     return channel.has_instruments and channel.name in VERTICAL
 
 
+def _is_moment(channel: _Channel) -> bool:
+    return channel.has_instruments and block_of(channel.name) == "moment"
+
+
 def _is_drive(channel: _Channel) -> bool:
     return channel.has_instruments and block_of(channel.name) == DRIVE
 
@@ -361,6 +378,7 @@ PARTS: tuple[tuple[str, Callable[[_Channel], bool], Part], ...] = (
     ("rotor", _is_unseen_yaw, _changes),
     ("load", _is_vertical, _load),
     (DRIVE, _is_drive, _changes),
+    (MOTION, _is_moment, _changes),
     ("height", _is_range, _height),
 )
 """Endogenous part of columns (a, k) by kind, and whether a channel shows one."""
@@ -398,11 +416,15 @@ def endogenous_parts(
     """
     parts: dict[tuple[str, int], dict[str, np.ndarray]] = {}
     for kind, shows, part in PARTS:
-        at = _columns_of(kind, keys, on)
-        own = [keys[k] for k in at]
-        for c, name in channels.items() if at else ():
+        columns = _columns_of(kind, keys, on)
+        own = list(columns)
+        for c, name in channels.items() if columns else ():
             channel = _Channel(name, instruments, length_s, rates_measured)
             if shows(channel):
+                # of a force and its moment the one that acts here. The moment of a ground effect
+                # counts in full while it is searched: it tells one from a fountain
+                acting = set(x.at[c].tolist()) if kind == MOTION else ()
+                at = [next((k for k in ks if k in acting), ks[0]) for ks in columns.values()]
                 values = _in_all_windows(air, part(x.of(c, at)[air], own, channel))
                 parts[kind, c] = dict(zip(own, np.ascontiguousarray(values.T), strict=True))
     return parts
@@ -437,15 +459,19 @@ def _in_all_windows(air: np.ndarray, values: np.ndarray) -> np.ndarray:
     return full
 
 
-def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> list[int]:
-    """Return the first column of every parameter of a kind."""
+def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> dict[str, list[int]]:
+    """Return the columns of every parameter of a kind, by its key."""
     # a load that may be there would take from thrust gains what they do along thrust
     if kind == "load" and "load" not in map(feedback_of, on):
-        return []
+        return {}
     # whatever responds to them, all of these are made of the same commands
-    wanted = moves_a_speed if kind == DRIVE else lambda key: feedback_of(key) == kind
-    # in reverse, so that the first of equal keys is the one that the dictionary keeps
-    return list({key: k for k, key in reversed(list(enumerate(keys))) if wanted(key)}.values())
+    of_more = {DRIVE: moves_a_speed, MOTION: is_made_by_velocity}
+    wanted = of_more.get(kind, lambda key: feedback_of(key) == kind)
+    columns: dict[str, list[int]] = {}
+    for k, key in enumerate(keys):
+        if wanted(key):
+            columns.setdefault(key, []).append(k)
+    return columns
 
 
 def _without_mean(x: np.ndarray) -> np.ndarray:
