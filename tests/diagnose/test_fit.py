@@ -1,9 +1,13 @@
 """The fit in full: from anywhere it comes to the same numbers."""
 
+import dataclasses
+
+import numpy as np
 import pytest
 
 from ges.diagnose.design.feedback import near_ground_gain
 from ges.diagnose.design.system import build
+from ges.diagnose.estimate import fit
 from ges.diagnose.estimate.fit import free_parameters, polish
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
@@ -68,6 +72,45 @@ def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):
         assert "fountain_lift.c_b" not in allowed, (
             "a cushion that is on tells what it makes of moments"
         )
+
+
+def test_noise_that_is_estimated_again_stays_only_where_flights_are_likelier(
+    near_ground, monkeypatch
+):
+    """An autoregression predicted the misfit of a lag that was too long, which then grew to half a
+    second.
+    """
+    model, flights = near_ground
+    estimate, noises = fit.estimate_noise, []
+
+    def louder(*system_and_columns):
+        noise = estimate(*system_and_columns)
+        noises.append(dataclasses.replace(noise, sd=noise.sd * 3.0 ** len(noises)))
+        return noises[-1]
+
+    monkeypatch.setattr(fit, "estimate_noise", louder)
+    start = {"ground_effect": {**CUSHION, "c_a": 2.0, "decay": 2.9}}
+    fitted = polish(build(flights, model, []), start, FREE)
+    assert len(noises) == 2 and fitted.regression.noise is noises[0]
+    assert fitted.effects["ground_effect"]["c_a"] == pytest.approx(0.5, rel=0.05)
+
+
+def test_how_a_number_is_written_does_not_decide_how_far_it_is(flown, sheet, with_rates):
+    """Moments go with one over the inertia: of twice of it the tangent tells half of the chord."""
+    vehicle, table = sheet(), manoeuvres.MENU["multisine"](20.0)
+    acting = {"inertia": {"xx": 1.0, "yy": 0.0, "zz": 0.0}}
+    model = from_vehicle(vehicle)
+    frames = [flown(vehicle, acting, table, seed, with_rates) for seed in (1, 2)]
+    flights = [f for f in pass_gate(frames, model).flights if f]
+    fitted = polish(build(flights, model, []), acting, (("inertia", "xx"),))
+    assert fitted.effects["inertia"]["xx"] == pytest.approx(1.0, rel=0.1)
+    tangent, chord = (
+        float(np.sqrt(c[0, 0])) for c in (fitted.covariance, fitted.chord_covariance)
+    )
+    assert tangent / chord == pytest.approx(2.0, rel=0.1)
+    drag = {"rotor_drag": {"k_kg": 1e-4}}
+    linear = polish(build(flights, model, []), drag, (("rotor_drag", "k_kg"),))
+    assert linear.chord_covariance is None, "an amplitude multiplies its effect"
 
 
 def _answered(rows) -> set[str]:

@@ -290,6 +290,7 @@ def _fit_terms(
         trims,
         before.joint_free_moments if before else trims,
         refitted,
+        before.chord_covariance if before else None,
     )
     return fitted, dict(zip(terms, np.sqrt(np.diag(joint_of_law.covariance)), strict=True))
 

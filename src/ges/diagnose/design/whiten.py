@@ -84,6 +84,7 @@ class WhitePart:
     innovations : what whitens columns (g, w, m).
     drive_errors : (g, d, n) model errors of a drive, of unit prior sd.
     by_feedback : errors that feedback may have caused.
+    log_sd : sum of the log sds of all innovations, in the units of the channels.
 
     Notes
     -----
@@ -98,6 +99,7 @@ class WhitePart:
     innovations: Callable[[np.ndarray], np.ndarray]
     drive_errors: np.ndarray
     by_feedback: tuple[FeedbackErrors, ...] = ()
+    log_sd: float = 0.0
 
     @property
     def feedback_errors(self) -> np.ndarray:
@@ -275,6 +277,7 @@ def _whiten_flight(
             tuple(rows.x.values[c] for c in group),
             innovations,
             drive_errors,
+            log_sd=float(np.log(innovations.sd).sum()),
         )
         parts[group] = part
         for kind in (kind for kind, channel in rows.endogenous if channel == c):

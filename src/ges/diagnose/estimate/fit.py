@@ -42,6 +42,8 @@ class Fitted:
     joint : the fit as a vehicle flies it, with the levers of its file.
     joint_free_moments : the fit in which small moments have coefficients of their own.
     regression : the rows at the last linearisation.
+    chord_covariance : (k, k) with corrections of nominal parameters linearised along the chord to
+        no correction; None where none is free.
     """
 
     effects: effect_table.Effects
@@ -50,6 +52,7 @@ class Fitted:
     joint: JointFit
     joint_free_moments: JointFit
     regression: Regression
+    chord_covariance: np.ndarray | None = None
 
     def frees_nuisance_of(self, system: System) -> bool:
         """Return whether some fitted parameter is a nuisance of the vehicle.
@@ -100,8 +103,15 @@ class Fitted:
         -----
         A wind and the drag that it acts through are given for each other: slow flights determine
         their product alone. A correction of a nominal parameter is also shrunk by what is
-        plausible. Twice the inertia give or take a third is no finding.
+        plausible. Twice the inertia give or take a third is no finding. Its sd is that of the
+        chord, not of the tangent: it may stand in a denominator, and how a number is written must
+        not decide how far it is.
+
+        References
+        ----------
+        Gregory and Veall 1985, *Econometrica* 53, 1465, of Wald's statistic.
         """
+        covariance = self.covariance if self.chord_covariance is None else self.chord_covariance
         i = self.free.index((effect, parameter))
         given = [
             k
@@ -110,10 +120,10 @@ class Fitted:
             or _wind_and_its_drag(e, effect)
         ]
         # Schur complement: the variance of a normal given what is held
-        cross = self.covariance[i, given]
+        cross = covariance[i, given]
         own = (
-            self.covariance[i, i]
-            - cross @ np.linalg.pinv(self.covariance[np.ix_(given, given)], hermitian=True) @ cross
+            covariance[i, i]
+            - cross @ np.linalg.pinv(covariance[np.ix_(given, given)], hermitian=True) @ cross
         )
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
         sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
@@ -272,6 +282,14 @@ def _deviation_prior(
     )
 
 
+def _chord_amplitude(name: tuple[str, str], values: effect_table.Effects) -> Amplitude | None:
+    """Return a correction with the step to none, or None for what is none, or corrects nothing."""
+    a, value = amplitude_of(*name), values[name[0]][name[1]]
+    if not effect_table.get(name[0]).parameter(name[1]).corrects or value == a.neutral:
+        return None
+    return dataclasses.replace(a, step=a.neutral - value, neutral=value)
+
+
 def _free_amplitude(name: tuple[str, str], values: effect_table.Effects, model: Model) -> Amplitude:
     """Return a free parameter about its present value, with the step of its column."""
     a, reach = amplitude_of(*name), reach_of(name, values, model)
@@ -293,6 +311,11 @@ class _Point:
     def cost(self) -> float:
         """-2 log posterior at these values, with all nuisances at their optimum."""
         return self.joint.cost_without(len(self.free))
+
+    @property
+    def cost_of_noise(self) -> float:
+        """Twice the log sd of all innovations: with it costs under several noises compare."""
+        return 2.0 * sum(part.log_sd for white in self.regression.whites for part in white.parts)
 
     @property
     def covariance(self) -> np.ndarray:
@@ -367,16 +390,25 @@ def polish(
     Notes
     -----
     A step that costs more than it saves is halved, until it promises no difference. After a far
-    start the noise is estimated again.
+    start the noise is estimated again, and kept where it makes the flights likelier: noise and
+    parameters in turn climb one likelihood.
     """
     free, model = tuple(free), like.model
     dynamic = {e for e, p in free if feedback_of(f"{e}.{p}") == "dynamic"}
     at: _Point | None = None
     first: _Point | None = None
+    ends: list[tuple[_Point, System]] = []
     flown, taken, steps = like, 1.0, np.zeros(len(free))
     bounds = np.array([fit_bounds(name, model) for name in free]).T
-    for _ in range(settings.numerics.fit_rounds):
-        variants = [Variant(e, {}, (_free_amplitude((e, p), values, model),)) for e, p in free]
+
+    def linearised(
+        values: effect_table.Effects, first: _Point | None, chords: bool = False
+    ) -> tuple[_Point, System]:
+        amplitudes = [
+            chords and _chord_amplitude(name, values) or _free_amplitude(name, values, model)
+            for name in free
+        ]
+        variants = [Variant(e, {}, (a,)) for (e, _), a in zip(free, amplitudes, strict=True)]
         system = build(flights or like.recordings, model.with_effects(values), variants, like)
         # one noise and one feedback for all rounds: costs under several would not compare
         if first:
@@ -386,7 +418,10 @@ def polish(
         design = with_trims_of(system, model.with_effects(others), like) if dynamic else system
         noise_so_far = fixed_noise or (first.regression.noise if first else None)
         noise = noise_so_far or estimate_noise(design, free_columns(design))
-        there = _linearise(values, free, whiten_system(design, noise), model)
+        return _linearise(values, free, whiten_system(design, noise), model), system
+
+    for _ in range(settings.numerics.fit_rounds):
+        there, system = linearised(values, first)
         # a step that promised more than it kept: half of it, from the best point so far. A cost of
         # one is that of one sd, and less than columns that are secants tell
         if at and first and there.cost > at.cost + 1.0:
@@ -404,16 +439,26 @@ def polish(
         if at.sds_to(values) < settings.estimate.converged_sds:
             at = dataclasses.replace(at, values=values)
             # far from where its noise was measured, the fit goes on with that of the new place
-            if at.sds_to(first.values) < SDS_95:
+            ends.append((at, flown))
+            if at.sds_to(first.values) < SDS_95 or at is not _likeliest(ends)[0]:
                 break
             first, taken, steps = None, 1.0, np.zeros(len(free))
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
+    at, flown = _likeliest([(at, flown), *ends])
+    chord = None
+    if any(_chord_amplitude(name, at.values) for name in free):
+        chord = linearised(at.values, at, chords=True)[0].covariance
     if not dynamic and len(at.chosen) == len(free):
-        return Fitted(at.values, free, at.covariance, at.joint, at.joint, at.regression)
+        return Fitted(at.values, free, at.covariance, at.joint, at.joint, at.regression, chord)
     regression = whiten_system(flown, at.regression.noise) if dynamic else at.regression
     joint = _refit_trims(regression, at.chosen, at.joint, len(free))
-    return Fitted(at.values, free, at.covariance, joint, at.joint, regression)
+    return Fitted(at.values, free, at.covariance, joint, at.joint, regression, chord)
+
+
+def _likeliest(ends: Sequence[tuple[_Point, System]]) -> tuple[_Point, System]:
+    """Return the end of least cost, its noise included."""
+    return min(ends, key=lambda end: end[0].cost + end[0].cost_of_noise)
 
 
 def _linearise(
