@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeVar
@@ -163,14 +164,16 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             # the wind is known only now; the forms that the search chose were for still air
             selection = _with_best_forms_in_wind(selection, system, record)
         # what stood beside another form may only have made up for it: searched again, once
-        only_air = selection.names != names and not forms_replaced
-        if only_air:
-            forms_replaced, selection = True, _only_air(selection, system)
+        reformed = _reformed(selection.names, names)
+        others_stand = len(reformed) < len(selection.names)
+        search_again = only is None and not forms_replaced and others_stand
+        if search_again:
+            forms_replaced, selection = True, _restricted(selection, reformed, system)
         # the next round is linearised about what is accepted, and lists what acts through it
         base = system.model.with_effects(selection.fit.effects)
         listed = (
-            _candidates_of_other_families(selection.names, base, system)
-            if only_air
+            _other_candidates(selection.names, base, system)
+            if search_again
             else candidates_of(system.recordings, base, selection.names, only)
         )
     regression, result = first or search_until_stable(start, (), ())[:2]
@@ -215,11 +218,25 @@ class _Selection(_WithFit):
         return _Selection(self.names + new, fitted, {**self.probability, **probability})
 
 
-def _only_air(selection: _Selection, system: System) -> _Selection:
-    """Return winds, and what they act through, fitted without the other names."""
-    moving = {n for n in selection.names if effect_table.get(n).moves_air}
-    kept = moving | {c for n in moving for c in effect_table.get(n).prerequisites}
-    return _restricted(selection, [n for n in selection.names if n in kept], system)
+def _reformed(names: Sequence[str], before: Sequence[str]) -> list[str]:
+    """Return names that have another form than in the search; all where none has.
+
+    Parameters
+    ----------
+    names : that are accepted.
+    before : the same, before drags had the form that a wind asks for.
+
+    Notes
+    -----
+    Others of a family replaced a drag, or something modifies what was found. What acts through
+    these, and what they act through, is among them.
+    """
+    of = {n: effect_table.get(n) for n in names}
+    if set(names) != set(before):
+        reformed = {p for n, e in of.items() if e.moves_air for p in (n, *e.prerequisites)}
+    else:
+        reformed = {p for n, e in of.items() if e.modifies for p in (n, e.modifies)}
+    return [n for n in names if n in reformed or not reformed]
 
 
 _Kept = TypeVar("_Kept", Accepted, _Selection)
@@ -238,12 +255,14 @@ def _restricted(whole: _Kept, names: Sequence[str], system: System) -> _Kept:
     )
 
 
-def _candidates_of_other_families(
-    names: Sequence[str], base: Model, system: System
-) -> list[Candidate]:
-    """Return all candidates of other families than these names."""
+def _other_candidates(names: Sequence[str], base: Model, system: System) -> list[Candidate]:
+    """Return all candidates but these names, and but others of their families that stand alone."""
     families = {n for name in names for n in family_of(name)}
-    return [c for c in candidates_of(system.recordings, base) if c.name not in families]
+    return [
+        c
+        for c in candidates_of(system.recordings, base)
+        if c.name not in names and (c.name not in families or set(c.prerequisites) & set(names))
+    ]
 
 
 def _with_best_forms_in_wind(
@@ -396,6 +415,7 @@ def _fit_significant(
 
     Others are left out of it, modifiers first.
     """
+    fallen: set[str] = set()
     while new:
         values_of_modifiers = {m: modifiers[m].values for m in new if m in modifiers}
         kept = _hypothesis_of(result, [n for n in new if n not in values_of_modifiers], regression)
@@ -406,15 +426,72 @@ def _fit_significant(
         failed = {n for n, d in decisions.items() if not d.passed}
         # a name that does nothing may have driven another one to its bound: it goes alone first
         at_bounds = {e for e, _ in parameters_at_bounds(full)}
-        rejected = (failed & set(values_of_modifiers)) or (failed - at_bounds) or failed
+        rejected = (failed & set(values_of_modifiers)) or (failed - at_bounds)
+        rejected = rejected or _too_many(full, failed, new, system)
         # what acted through a name that fell has nothing to act through
         rejected |= {
             n for n in new if not has_prerequisite(n, {*base.effects, *(set(new) - rejected)})
         }
         if not rejected:
             return new, full
+        fallen |= rejected
         new = tuple(n for n in new if n not in rejected)
+        new = _probable_without(result, new, fallen, modifiers, record)
     return (), fitted
+
+
+def _too_many(full: Fitted, at_bounds: set[str], names: Sequence[str], system: System) -> set[str]:
+    """Return what to leave out of a fit at bounds: the names there, or one that drove them there.
+
+    Parameters
+    ----------
+    full : the fit.
+    at_bounds : names that fell, each at a bound.
+    names : that may be left out.
+    system : of the model without any.
+
+    Notes
+    -----
+    Two that undo each other run until one is at a bound, and either may be the one too many. Fits
+    without each compare under one noise.
+    """
+    best, least = at_bounds, math.inf
+    for left_out in [at_bounds, *({n} for n in names if n not in at_bounds)] if at_bounds else []:
+        effects = {e: v for e, v in full.effects.items() if e not in left_out}
+        present = {*effects, *system.model.effects}
+        if not effects or not all(has_prerequisite(e, present) for e in effects):
+            continue
+        free = [f for f in full.free if f[0] in effects]
+        fitted = polish(system, effects, free, fixed_noise=full.regression.noise)
+        if fitted.joint.cost < least and not parameters_at_bounds(fitted):
+            best, least = left_out, fitted.joint.cost
+    return best
+
+
+def _probable_without(
+    result: SearchResult,
+    names: tuple[str, ...],
+    fallen: Collection[str],
+    modifiers: Collection[str],
+    record: DecisionLog,
+) -> tuple[str, ...]:
+    """Return the names that stand without others that fell.
+
+    A name may have been probable only beside what undid it. Modifiers stand with what they modify.
+    """
+    rest, standing = result.without(fallen), tuple(n for n in names if n in modifiers)
+    searched = tuple(sorted(set(names) - set(standing)))
+    if not any(h.names == searched for h in rest.hypotheses):
+        return names
+    least = settings.statistics.acceptance_probability
+    for name in searched:
+        p = rest.inclusion.get(name, 0.0)
+        if p >= least:
+            standing += (name,)
+        else:
+            because = f"posterior probability {p:.3g} without {', '.join(sorted(fallen))}"
+            record.note(name, Decision("probable", False, because, p, least))
+    return tuple(n for n in names if n in standing)
 
 
 def _best_forms_in_wind(

@@ -75,6 +75,15 @@ class SearchResult:
         alone = [h for h in with_name if not set(others) - {name} & set(h.names)]
         return max(alone or with_name, key=lambda h: h.log_evidence)
 
+    def without(self, names: Collection[str]) -> SearchResult:
+        """Return the hypotheses without names, as if these had never been candidates.
+
+        Parameters
+        ----------
+        names : that take no part.
+        """
+        return _normalise([h for h in self.hypotheses if not set(h.names) & set(names)])
+
     def null(self) -> Hypothesis:
         """Return the hypothesis without names: nothing but the prior sds.
 
