@@ -104,9 +104,7 @@ def test_how_a_number_is_written_does_not_decide_how_far_it_is(flown, sheet, wit
     flights = [f for f in pass_gate(frames, model).flights if f]
     fitted = polish(build(flights, model, []), acting, (("inertia", "xx"),))
     assert fitted.effects["inertia"]["xx"] == pytest.approx(1.0, rel=0.1)
-    tangent, chord = (
-        float(np.sqrt(c[0, 0])) for c in (fitted.covariance, fitted.chord_covariance)
-    )
+    tangent, chord = (float(np.sqrt(c[0, 0])) for c in (fitted.covariance, fitted.chord_covariance))
     assert tangent / chord == pytest.approx(2.0, rel=0.1)
     drag = {"rotor_drag": {"k_kg": 1e-4}}
     linear = polish(build(flights, model, []), drag, (("rotor_drag", "k_kg"),))
