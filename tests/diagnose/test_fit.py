@@ -93,6 +93,8 @@ def test_noise_that_is_estimated_again_stays_only_where_flights_are_likelier(
     fitted = polish(build(flights, model, []), start, FREE)
     assert len(noises) == 2 and fitted.regression.noise is noises[0]
     assert fitted.effects["ground_effect"]["c_a"] == pytest.approx(0.5, rel=0.05)
+    again = polish(build(flights, model, []), fitted.effects, FREE, earlier=fitted)
+    assert len(noises) == 3 and again.regression.noise is noises[0], "that of an earlier fit, too"
 
 
 def test_how_a_number_is_written_does_not_decide_how_far_it_is(flown, sheet, with_rates):

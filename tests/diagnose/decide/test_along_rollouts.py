@@ -15,7 +15,7 @@ VALUES = {"rotor_drag": {"k_kg": 1e-4}, "wind": {"east_m_s": 2.0}, "motor_lag": 
 def accepted(monkeypatch):
     """Three names that were significant along the recorded path."""
 
-    def polish(_, effects, free, *__):
+    def polish(_, effects, free, *__, **___):
         return SimpleNamespace(effects=dict(effects), free=list(free))
 
     monkeypatch.setattr(accept, "polish", polish)

@@ -572,7 +572,7 @@ def fit_along_rollouts(accepted: Accepted, record: DecisionLog | None = None) ->
     # along its own path a push of turbulence no longer moves the velocity that drag depends on
     model = fitted_model(system.model, fitted)
     flights = each(lambda flight: with_rollout_path(flight, model), system.recordings)
-    polished = polish(system, fitted.effects, fitted.free, flights)
+    polished = polish(system, fitted.effects, fitted.free, flights, earlier=fitted)
     refined = dataclasses.replace(accepted, fitted=polished)
     if record is None:
         return refined

@@ -375,6 +375,7 @@ def polish(
     free: Sequence[tuple[str, str]],
     flights: Sequence[Prepared] | None = None,
     fixed_noise: NoiseModel | None = None,
+    earlier: Fitted | None = None,
 ) -> Fitted:
     """Fit all free parameters by Gauss-Newton, with the effects linearised again in each round.
 
@@ -386,6 +387,8 @@ def polish(
     flights : the same flights along another path; the system's own where not given.
     fixed_noise : noise model of all rounds, so that costs of several fits compare. It is estimated
         at the start where not given.
+    earlier : fit of the same parameters along another path. Its noise and feedback errors are taken
+        where the flights are likelier with them.
 
     Notes
     -----
@@ -409,16 +412,23 @@ def polish(
             for name in free
         ]
         variants = [Variant(e, {}, (a,)) for (e, _), a in zip(free, amplitudes, strict=True)]
-        system = build(flights or like.recordings, model.with_effects(values), variants, like)
+        own = build(flights or like.recordings, model.with_effects(values), variants, like)
+        # what a column is without, its residual is without
+        others = model.with_effects({e: v for e, v in values.items() if e not in dynamic})
+
+        def under(known: Regression | None) -> tuple[_Point, System]:
+            system = own.with_endogenous_parts_of(known.system) if known else own
+            design = with_trims_of(system, others, like) if dynamic else system
+            noise = fixed_noise or (known.noise if known else None)
+            regression = whiten_system(
+                design, noise or estimate_noise(design, free_columns(design))
+            )
+            return _linearise(values, free, regression, model), system
+
         # one noise and one feedback for all rounds: costs under several would not compare
         if first:
-            system = system.with_endogenous_parts_of(first.regression.system)
-        # what a column is without, its residual is without
-        others = {e: v for e, v in values.items() if e not in dynamic}
-        design = with_trims_of(system, model.with_effects(others), like) if dynamic else system
-        noise_so_far = fixed_noise or (first.regression.noise if first else None)
-        noise = noise_so_far or estimate_noise(design, free_columns(design))
-        return _linearise(values, free, whiten_system(design, noise), model), system
+            return under(first.regression)
+        return _likeliest([under(None), *([under(earlier.regression)] if earlier else [])])
 
     for _ in range(settings.numerics.fit_rounds):
         there, system = linearised(values, first)
