@@ -196,8 +196,8 @@ def _overdone(
         at = main.index(structure.channel)
         contribution = [a[:, at] for a in _law_contribution(channel, fitted, explanation)]
         residuals = [row[:, at] for row in explanation.last.residuals_in_air]
-        left = [e - added for e, added in zip(residuals, contribution, strict=True)]
-        without, with_law = (math.hypot(*map(_spread, rows)) for rows in (residuals, left))
+        unexplained = [e - added for e, added in zip(residuals, contribution, strict=True)]
+        without, with_law = (math.hypot(*map(_spread, rows)) for rows in (residuals, unexplained))
         if with_law > without:
             overdone.add(channel)
     return overdone

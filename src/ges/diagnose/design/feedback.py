@@ -142,7 +142,7 @@ def subtract_trims(
     values = [list(columns) for columns in x.values]
 
     @functools.cache
-    def held_and_turned(mark: str) -> tuple[np.ndarray, np.ndarray]:
+    def trim_and_rates(mark: str) -> tuple[np.ndarray, np.ndarray]:
         # by the channel's own test function: the average of what is held, the rate of what turned
         mean, rate = windows.functions[mark]
         return (mean @ constant_and_thrust)[air], (rate @ omega)[air]
@@ -150,7 +150,7 @@ def subtract_trims(
     for c, name in enumerate(names):
         if block_of(name) != "moment" or not is_dynamic[x.at[c]].any():
             continue
-        trim, rates = held_and_turned(MarkedChannel.of(name).mark)
+        trim, rates = trim_and_rates(MarkedChannel.of(name).mark)
         rotation = rates[:, AXES.index(name[len("moment_")])]
         places = np.flatnonzero(is_dynamic[x.at[c]])
         columns = np.stack([values[c][k] for k in places], axis=1)

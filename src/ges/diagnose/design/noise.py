@@ -202,12 +202,12 @@ def estimate_noise(
     )
 
     every = range(len(system.names))
-    left = noise_residuals(system, every, chosen, together)
+    by_flight = noise_residuals(system, every, chosen, together)
     # the controller responded to what columns explain, too: so without them
     plain = noise_residuals(system, every) if len(chosen) or together else None
 
     def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
-        residuals = [e[c] for e in left]
+        residuals = [e[c] for e in by_flight]
         ar, sd, growth = _channel_noise(system, residuals, runs, covariate)
         sd = max(sd, floor[c])
         disturbance = (

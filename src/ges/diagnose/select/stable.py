@@ -147,9 +147,12 @@ def _hidden_in_noise(
     channels = np.flatnonzero(noisy).tolist()
     if not listed or not channels:
         return []
-    left = noise_residuals(system, channels, chosen)
+    residuals = noise_residuals(system, channels, chosen)
     share = np.max(
-        [_explained_share(system, c, [e[i] for e in left], listed) for i, c in enumerate(channels)],
+        [
+            _explained_share(system, c, [e[i] for e in residuals], listed)
+            for i, c in enumerate(channels)
+        ],
         axis=0,
     )
     # most explained first: of an effect the first variant that comes is its best
