@@ -22,13 +22,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import fdtrc
 
-from ges.conventions import SDS_95
+from ges.conventions import QUATERNION, SDS_95
 from ges.diagnose.design.motion import motion_of
 from ges.diagnose.design.system import FlightRows, System, build
 from ges.diagnose.estimate.joint import JointFit, raw_residuals
 from ges.diagnose.library.candidates import Variant, amplitude_of, has_prerequisite
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import ACC, FORCE
+from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter
@@ -367,19 +368,18 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     return _EquivalentWind(
         np.concatenate([f.wind for f in forces]),
         np.concatenate([_regressors(f, model, i, len(forces)) for i, f in enumerate(forces)]),
-        np.r_[np.zeros(6), np.full(2 * len(forces), trim_N**-2)],
+        np.r_[np.zeros(14), np.full(2 * len(forces), trim_N**-2)],
     )
 
 
 def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) -> np.ndarray:
-    """Return regressors of one flight, (m, 2, 6 + 2 flights).
+    """Return regressors of one flight, (m, 2, 14 + 2 flights).
 
-    They are a steady wind, its log-height profile, and a trim of each flight. An error of the
-    drag's form goes with the speed through the air.
+    They are a steady wind, its log-height profile, errors of the drag's form and a trim of each
+    flight. A drag along an axis of the body goes with the air's speed there, times some function of
+    how fast it is in all: powers of a half and of one, of that axis alone, and of the climb.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
-    winds = {n: e for n, e in model.effects.items() if effect_table.get(n).moves_air}
-    v = (flight.stack("velocity")[:, :2] - _wind(flight, model, winds))[at]
     height = (
         np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.height_error_m))
         if "p_z_m" in flight.columns
@@ -387,12 +387,24 @@ def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) 
     )
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     # a unit force along each body axis, as the wind that would push so
+    push = np.linalg.inv(forces.force_per_wind)
     trims = np.zeros((len(at), 2, 2 * flights))
-    trims[:, :, 2 * number : 2 * number + 2] = np.linalg.inv(forces.force_per_wind)
-    faster = np.linalg.norm(v, axis=1, keepdims=True) * v
-    return np.concatenate(
-        [axes, height[:, None, None] * axes, v[:, :, None], faster[:, :, None], trims], axis=2
-    )
+    trims[:, :, 2 * number : 2 * number + 2] = push
+    speed = _air_speed(flight, model)[at]
+    sideways, climb = np.linalg.norm(speed[:, :2], axis=1, keepdims=True), speed[:, 2:]
+    of_form = [push * speed[:, None, :2]]
+    factors = (np.sqrt(sideways), sideways, np.abs(speed[:, :2]), climb)
+    of_form += [of_form[0] * factor[:, None] for factor in factors]
+    return np.concatenate([axes, height[:, None, None] * axes, *of_form, trims], axis=2)
+
+
+def _air_speed(flight: Prepared, model: Model) -> np.ndarray:
+    """Return the speed through the air of a model's winds, (n, 3), body frame, m/s."""
+    winds = {n: e for n, e in model.effects.items() if effect_table.get(n).moves_air}
+    world = flight.stack("velocity").copy()
+    world[:, :2] -= _wind(flight, model, winds)
+    columns = motion_of(flight, model, {}).columns
+    return to_body(np.stack([columns[name] for name in QUATERNION], axis=1), world)
 
 
 def _stretches(forces: _ForceWindows, length_s: float) -> list[np.ndarray]:
