@@ -14,6 +14,7 @@ from ges.diagnose.select.probability import calibrated_probability, log_odds, un
 from ges.diagnose.select.search import (
     Hypothesis,
     SearchResult,
+    _normalise,
     cause_count,
     evaluate_exactly,
     log_evidence_over_plain,
@@ -230,3 +231,13 @@ def test_told_probabilities_keep_their_order_and_say_less_than_the_search(a, b):
 def test_certainty_has_an_end(p):
     most = settings.statistics.certain_log_odds
     assert abs(log_odds(p)) == pytest.approx(most) and 0.0 < calibrated_probability(p) < 1.0
+
+
+def test_probabilities_sum_to_one_however_large_evidences_are():
+    """Rounding of thousands of nats was a chance of 1e-12 on one processor and none on another."""
+    evidences = 9876.54321 - np.random.default_rng(0).exponential(3.0, 200)
+    hypotheses = [
+        Hypothesis((f"effect_{i}",), (), Posterior.empty(), e) for i, e in enumerate(evidences)
+    ]
+    result = _normalise(hypotheses)
+    assert abs(sum(h.probability for h in result.hypotheses) - 1.0) < 1e-15

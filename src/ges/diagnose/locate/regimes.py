@@ -413,7 +413,7 @@ def located_by_findings(
                     {
                         "channel": channel,
                         **where,
-                        "q_value": max(0.0, 1.0 - probability[name]),
+                        "q_value": _complement(probability[name]),
                         "finding": name,
                     }
                 )
@@ -466,7 +466,7 @@ def located_by_open_names(
         good = np.isfinite(shown[channel])
         where = _most_affected_regime(shown[channel][good], {n: v[good] for n, v in values.items()})
         where.pop("energy")
-        entries.append({"channel": channel, **where, "q_value": max(0.0, 1.0 - chance[channel])})
+        entries.append({"channel": channel, **where, "q_value": _complement(chance[channel])})
     return entries
 
 
@@ -547,3 +547,8 @@ def _by_energy(entries: Sequence[dict], system: System) -> list[dict]:
         for item in entries
     ]
     return [entries[i] for i in sorted(range(len(entries)), key=lambda i: -weight[i])]
+
+
+def _complement(probability: float) -> float:
+    """Return one less a probability, to the digits that a sum over many sets is known to."""
+    return max(0.0, round(1.0 - probability, 9))

@@ -8,7 +8,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import softmax
 
 from ges.diagnose.design.columns import variant_of
 from ges.diagnose.library.candidates import Candidate, Variant, has_prerequisite, modifiers_of
@@ -263,10 +263,11 @@ def evaluate_exactly(regression: Regression, candidates: Sequence[Candidate]) ->
 
 
 def _normalise(hypotheses: list[Hypothesis]) -> SearchResult:
-    total = logsumexp([h.log_evidence for h in hypotheses])
+    # evidences of thousands of nats are known to 1e-12: only a softmax of them sums to one
+    probabilities = softmax([h.log_evidence for h in hypotheses])
     normalised = [
-        dataclasses.replace(h, probability=float(np.exp(h.log_evidence - total)))
-        for h in hypotheses
+        dataclasses.replace(h, probability=float(p))
+        for h, p in zip(hypotheses, probabilities, strict=True)
     ]
     # names decide between equals, not the order in which sets were tried
     normalised.sort(key=lambda h: (-h.log_evidence, h.names))
