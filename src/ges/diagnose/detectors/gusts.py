@@ -365,10 +365,13 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     # weight
     tilt = effect_table.get("attitude_bias").parameters[0].prior
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
+    parts = [_regressors(f, model, i, len(forces)) for i, f in enumerate(forces)]
+    regressors, trims = np.concatenate(parts), 2 * len(forces)
+    free = np.zeros(regressors.shape[2] - trims)
     return _EquivalentWind(
         np.concatenate([f.wind for f in forces]),
-        np.concatenate([_regressors(f, model, i, len(forces)) for i, f in enumerate(forces)]),
-        np.r_[np.zeros(14), np.full(2 * len(forces), trim_N**-2)],
+        regressors,
+        np.r_[free, np.full(trims, trim_N**-2)],
     )
 
 
