@@ -18,11 +18,11 @@ EFFECT(gyro_bias) = {
     .parameters =
         {
          {.name = "x_rad_s", .unit = "rad/s", .role = GES_AMPLITUDE, .value = 0.02, .neutral = 0, .low = -1, .high = 1,
-          .doc = "offset, body x"},
+          .doc = "offset, body x", .prior = {.shows_in = "gyro", .step = 0.001, .sd = 0.0025}},
          {.name = "y_rad_s", .unit = "rad/s", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -1, .high = 1,
-          .doc = "offset, body y"},
+          .doc = "offset, body y", .prior = {.shows_in = "gyro", .step = 0.001, .sd = 0.0025}},
          {.name = "z_rad_s", .unit = "rad/s", .role = GES_AMPLITUDE, .value = 0, .neutral = 0, .low = -1, .high = 1,
-          .doc = "offset, body z"},
+          .doc = "offset, body z", .prior = {.shows_in = "gyro", .step = 0.001, .sd = 0.0025}},
         },
     .about = GES_FAULT,
     .feedback = GES_FEEDBACK_NONE,

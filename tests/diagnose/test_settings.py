@@ -198,7 +198,7 @@ def test_the_numbers_of_the_method_are_counted_on_the_page():
     assert {"evidence.tempering", "prepare.pause_s"} <= set(counted)
     assert not {"noise.whitening", "numerics.tiny", "statistics.seed", "report.bins"} & set(counted)
     # one quantity a number: a share that eight rules read was counted once before
-    assert len(counted) <= 46
+    assert len(counted) <= 45
     assert f"\n{len(counted)} of them are numbers of the method" in page_of.page()
 
 

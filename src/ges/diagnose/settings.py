@@ -391,9 +391,6 @@ class PrepareSettings:
         Numerical("a parabola finds the peak between steps"),
         low=3,
     )
-    gyro_bias_least_sd_rad_s: float = number(
-        0.0025, "rad/s", "Least sd of a gyro's offset.", Convention("not measured")
-    )
     slow_Hz: float = number(
         0.3,
         "Hz",

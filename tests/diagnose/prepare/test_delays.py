@@ -16,7 +16,7 @@ from ges.diagnose.prepare.delays import (
 )
 from ges.diagnose.prepare.kinematics import body_rates, quaternion_product, to_body, turn_rates
 from ges.diagnose.prepare.steady import lag_matrix, with_steady_position, with_steady_voltage
-from ges.diagnose.settings import settings
+from ges.simulator import effects as effect_table
 
 from ..synthetic import MODEL, hovering, times
 
@@ -169,7 +169,7 @@ def test_a_gyro_s_offset_is_found_with_the_scatter_of_flights():
     flights = [_turning(bias=(0.03, -0.01, 0.005 * k), seed=k) for k in range(3)]
     mean, sd = gyro_bias(flights)
     np.testing.assert_allclose(mean, [0.03, -0.01, 0.005], atol=1e-3)
-    least = settings.prepare.gyro_bias_least_sd_rad_s
+    least = effect_table.get("gyro_bias").parameter("x_rad_s").prior.sd
     np.testing.assert_allclose(sd[:2], least, rtol=0.1)
     assert sd[2] == pytest.approx(np.hypot(least, 0.005 / np.sqrt(3.0)), rel=0.05)
     assert gyro_bias(flights[:1]) is None, "one flight has no scatter"

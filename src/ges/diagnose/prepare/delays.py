@@ -20,6 +20,7 @@ from ges.diagnose.prepare.kinematics import turn_rates
 from ges.diagnose.prepare.steady import lag_matrix
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
 from ges.threads import each
 
 POSE = ("position", "velocity", "attitude")
@@ -413,7 +414,8 @@ def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | No
 
     Returns
     -------
-    Mean (3,) and its sd over flights (3,), rad/s, body; None with fewer than two flights.
+    Mean (3,), rad/s, body, and the sd of its distance from none (3,), which has that over flights
+    and the usual one. None with fewer than two flights.
     """
     means = [
         (p[0] - p[1])[f.flying].mean(axis=0)
@@ -422,9 +424,10 @@ def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | No
     ]
     if len(means) < 2:
         return None
-    # flights that agree by luck do not make an offset certain: the sd has a floor
+    # an offset that gyros usually have is no finding, however well flights agree
+    usual = [p.prior.sd for p in effect_table.get("gyro_bias").parameters if p.prior]
     sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
-    return np.mean(means, axis=0), np.hypot(sd, settings.prepare.gyro_bias_least_sd_rad_s)
+    return np.mean(means, axis=0), np.hypot(sd, usual)
 
 
 def without_gyro_bias(flight: Prepared, bias: np.ndarray) -> Prepared:
