@@ -40,6 +40,14 @@ typedef struct {
   vd inputs_dt;
 } task_t;
 
+/* Where lanes are in their input tables: the row, numbers from there to the next one, and how far on the way to it. */
+typedef struct {
+  const double *row[GES_W];
+  int64_t next[GES_W];
+  double share[GES_W];
+  int alike; /* whether all lanes read the same */
+} place_t;
+
 /* What the firmware and the drive report, as recorded. */
 typedef struct {
   vd thrust_command, estimate, shadow, p_ref[3], v_ref[3], yaw_ref, battery;
@@ -52,6 +60,7 @@ typedef struct {
   ground_lanes_t ground;
   noise_t noise;
   task_t task;
+  place_t place; /* of what is replayed */
   fw_config config;
   fw_state memory;
   stream_t stream[N_STREAMS];
@@ -214,19 +223,30 @@ static void seed_streams(stream_t *stream, const double *const *p) {
     for (int i = 0; i < GES_W; i++) seed_lane(&stream[k], i, (uint64_t)p[i][P_seed], (uint64_t)k + 1);
 }
 
-/* One value of an input table, held before its first and after its last row. */
-static double input_at(const task_t *t, int i, int width, double row, int k, int hold) {
-  int last = t->n_inputs[i] - 1;
-  double bounded_row = bounded(row, (double)last);
-  int j = (int)bounded_row < last ? (int)bounded_row : last;
-  const double *a = t->inputs[i] + (int64_t)j * width + k;
-  if (hold || j == last) return a[0];
-  return a[0] + (bounded_row - j) * (a[width] - a[0]);
+/* Held before the first and after the last row. */
+static void find_place(const task_t *task, int width, vd t, place_t *at) {
+  vd row = t / task->inputs_dt + 1e-9;
+  at->alike = 1;
+  for (int i = 0; i < GES_W; i++) {
+    int last = task->n_inputs[i] - 1;
+    double bounded_row = bounded(lane(row, i), (double)last);
+    int j = (int)bounded_row < last ? (int)bounded_row : last;
+    at->row[i] = task->inputs[i] + (int64_t)j * width;
+    at->next[i] = j == last ? 0 : width;
+    at->share[i] = bounded_row - j;
+    at->alike &= at->row[i] == at->row[0] && at->share[i] == at->share[0];
+  }
 }
 
-static vd input(const task_t *task, int width, vd t, int k, int hold) {
-  vd value = all_lanes(0.0), row = t / task->inputs_dt + 1e-9;
-  for (int i = 0; i < GES_W; i++) set_lane(&value, i, input_at(task, i, width, lane(row, i), k, hold));
+static double input_at(const place_t *at, int i, int k, int hold) {
+  const double *a = at->row[i] + k;
+  return hold || !at->next[i] ? a[0] : a[0] + at->share[i] * (a[at->next[i]] - a[0]);
+}
+
+static vd input(const place_t *at, int k, int hold) {
+  if (at->alike) return all_lanes(input_at(at, 0, k, hold));
+  vd value = all_lanes(0.0);
+  for (int i = 0; i < GES_W; i++) set_lane(&value, i, input_at(at, i, k, hold));
   return value;
 }
 
@@ -234,10 +254,12 @@ static void start_trimmed(lanes_t *l) {
   const vehicle_t *b = &l->body;
   vd zero = all_lanes(0.0), x = l->task.track_start, y = zero, vx = l->task.cruise, up = l->task.agl_ref;
   if (l->plan->references) {
-    x = input(&l->task, GES_REFERENCE_COLUMNS, zero, 0, 1);
-    y = input(&l->task, GES_REFERENCE_COLUMNS, zero, 1, 1);
-    up = input(&l->task, GES_REFERENCE_COLUMNS, zero, 2, 1);
-    vx = input(&l->task, GES_REFERENCE_COLUMNS, zero, 3, 1);
+    place_t first;
+    find_place(&l->task, GES_REFERENCE_COLUMNS, zero, &first);
+    x = input(&first, 0, 1);
+    y = input(&first, 1, 1);
+    up = input(&first, 2, 1);
+    vx = input(&first, 3, 1);
   }
   ground_move(&l->ground, x);
   vf in_world = pick(l->config.height_from_position, number(0.0f), number(1.0f));
@@ -372,9 +394,10 @@ static void cruise_reference(const lanes_t *l, fw_input *in) {
 
 static void table_reference(lanes_t *l, fw_input *in) {
   vf value[GES_REFERENCE_COLUMNS];
-  vd sine, cosine, yaw = input(&l->task, GES_REFERENCE_COLUMNS, l->sample.t, 9, 0);
-  for (int k = 0; k < GES_REFERENCE_COLUMNS; k++)
-    value[k] = to_float(input(&l->task, GES_REFERENCE_COLUMNS, l->sample.t, k, 0));
+  place_t now;
+  find_place(&l->task, GES_REFERENCE_COLUMNS, l->sample.t, &now);
+  vd sine, cosine, yaw = input(&now, 9, 0);
+  for (int k = 0; k < GES_REFERENCE_COLUMNS; k++) value[k] = to_float(input(&now, k, 0));
   for (int k = 0; k < 3; k++) {
     in->p_ref[k] = value[k];
     in->v_ref[k] = value[3 + k];
@@ -444,33 +467,35 @@ static void run_nothing(lanes_t *l, const vd attitude[9]) { (void)l, (void)attit
 
 /* ---- what replays dictate ----------------------------------------------------------------------------------- */
 
-/* Column k of the replay table: the drive of every rotor, then q, battery and omega. */
-static vd replayed(const lanes_t *l, int k, int hold) {
-  return input(&l->task, GES_REPLAY_COLUMNS + ROTORS_OF(&l->body), l->sample.t, k, hold);
+/* Columns of the replay table: the drive of every rotor, then q, battery and omega. */
+static void find_replayed(lanes_t *l) {
+  find_place(&l->task, GES_REPLAY_COLUMNS + ROTORS_OF(&l->body), l->sample.t, &l->place);
+  l->sample.battery = input(&l->place, ROTORS_OF(&l->body) + 4, 1);
 }
 
 static void impose_nothing(lanes_t *l, vd *y) { (void)l, (void)y; }
 
 static void impose_commands(lanes_t *l, vd *y) {
   (void)y;
-  l->sample.battery = replayed(l, ROTORS_OF(&l->body) + 4, 1);
-  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = replayed(l, i, 1);
+  find_replayed(l);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = input(&l->place, i, 1);
 }
 
 static void impose_speeds(lanes_t *l, vd *y) {
-  l->sample.battery = replayed(l, ROTORS_OF(&l->body) + 4, 1);
-  for (int i = 0; i < ROTORS_OF(&l->body); i++) y[Y_SPEED + i] = replayed(l, i, 0);
+  find_replayed(l);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) y[Y_SPEED + i] = input(&l->place, i, 0);
 }
 
+/* After what imposes the drive, which found the place. */
 static void impose_attitude(lanes_t *l, vd *y) {
   vd *q = y + Y_Q, norm = all_lanes(0.0);
   for (int k = 0; k < 4; k++) {
-    q[k] = replayed(l, ROTORS_OF(&l->body) + k, 0);
+    q[k] = input(&l->place, ROTORS_OF(&l->body) + k, 0);
     norm += q[k] * q[k];
   }
   norm = lane_sqrt(norm);
   for (int k = 0; k < 4; k++) q[k] = q[k] / norm;
-  for (int k = 0; k < 3; k++) y[Y_OMEGA + k] = replayed(l, ROTORS_OF(&l->body) + 5 + k, 0);
+  for (int k = 0; k < 3; k++) y[Y_OMEGA + k] = input(&l->place, ROTORS_OF(&l->body) + 5 + k, 0);
 }
 
 typedef struct {
