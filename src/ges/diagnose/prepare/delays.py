@@ -425,7 +425,8 @@ def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | No
     if len(means) < 2:
         return None
     # an offset that gyros usually have is no finding, however well flights agree
-    usual = [p.prior.sd for p in effect_table.get("gyro_bias").parameters if p.prior]
+    priors = [p.prior for e in effect_table.table().values() for p in e.parameters if p.prior]
+    usual = [prior.sd for prior in priors if prior.shows_in == ("gyro",)]
     sd = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
     return np.mean(means, axis=0), np.hypot(sd, usual)
 
