@@ -62,13 +62,14 @@ def replacing_together(folder: Path, last: str) -> Iterator[Path]:
 
     Parameters
     ----------
-    folder : made where it is missing.
+    folder : made where it is missing, and removed again where nothing came to be in it.
     last : the file without which the others count for nothing: it goes first and comes last.
 
     Yields
     ------
     The folder to write the files to.
     """
+    made = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     new, lock = folder / NEW, os.open(folder, os.O_RDONLY)
     try:
@@ -77,13 +78,17 @@ def replacing_together(folder: Path, last: str) -> Iterator[Path]:
             fcntl.flock(lock, fcntl.LOCK_EX)
         # what is there is of a process that was killed
         shutil.rmtree(new, ignore_errors=True)
-        new.mkdir()
+        # with the folder, which another one that ended without files may have taken away
+        new.mkdir(parents=True)
         yield new
         (folder / last).unlink(missing_ok=True)
         for file in sorted(new.iterdir(), key=lambda file: file.name == last):
             os.replace(file, folder / file.name)
     finally:
         shutil.rmtree(new, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            if made:
+                folder.rmdir()
         os.close(lock)
 
 

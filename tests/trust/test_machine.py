@@ -192,6 +192,15 @@ def writer(folder: Path, *words: str) -> subprocess.Popen:
     return subprocess.Popen(words, stdout=subprocess.PIPE, env=environment())
 
 
+def test_a_folder_that_nothing_came_into_is_not_left(tmp_path):
+    """An interrupt while the page was written left an empty one."""
+    for folder, stays in ((tmp_path / "new", False), (tmp_path, True)):
+        with pytest.raises(KeyboardInterrupt), replacing_together(folder, last="z") as new:
+            (new / "a").write_text("half")
+            raise KeyboardInterrupt
+        assert folder.exists() == stays
+
+
 def test_a_kill_leaves_files_of_one_writer_or_none_that_counts(tmp_path):
     """``z`` says that the others are whole."""
     draw, seen = random.Random(1), set()
