@@ -761,8 +761,8 @@ static void read_sample(replay_t *r, const double *in, int64_t n, const int64_t 
 static void evaluate_drive(replay_t *r) {
   const active_t *a = &r->active;
   sample_t *s = &r->sample;
-  memset(&r->wrench, 0, sizeof r->wrench);
-  memset(r->dy, 0, sizeof(vd) * (size_t)(Y_X + a->n_states));
+  clear_wrench(s, &r->wrench);
+  clear(r->dy + Y_X, a->n_states);
   add_ground(a, s, r->y, r->dy, &r->wrench);
   set_factor(s, r->wrench.thrust);
   add_drive(a, s, r->y, r->dy, &r->drive);

@@ -57,6 +57,11 @@ EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
 """By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
 
 
+def _effect_of(key: str) -> effect_table.Effect | None:
+    """Return the effect of a number, or None for one of the vehicle that no effect corrects."""
+    return effect_table.table().get(ParameterKey.of(key).effect)
+
+
 def feedback_of(key: str) -> str:
     """Return how a controller's response shows in a column.
 
@@ -68,7 +73,7 @@ def feedback_of(key: str) -> str:
     -------
     The kind; 'none' for a number that no effect corrects.
     """
-    effect = effect_table.table().get(ParameterKey.of(key).effect)
+    effect = _effect_of(key)
     return effect.feedback if effect else "none"
 
 
@@ -79,7 +84,7 @@ def near_ground_gain(key: str) -> bool:
     ----------
     key : ``effect.parameter``.
     """
-    effect = effect_table.table().get(ParameterKey.of(key).effect)
+    effect = _effect_of(key)
     return effect is not None and effect.feedback == "thrust_gain" and "height" in effect.needs
 
 
@@ -90,7 +95,7 @@ def moves_a_speed(key: str) -> bool:
     ----------
     key : ``effect.parameter``.
     """
-    effect = effect_table.table().get(ParameterKey.of(key).effect)
+    effect = _effect_of(key)
     return key == SPEED or (effect is not None and effect.kind == "actuator")
 
 
@@ -101,7 +106,7 @@ def is_made_by_velocity(key: str) -> bool:
     ----------
     key : ``effect.parameter``.
     """
-    effect = effect_table.table().get(ParameterKey.of(key).effect)
+    effect = _effect_of(key)
     return effect is not None and effect.feedback == "none" and "velocity" in effect.needs
 
 
