@@ -26,6 +26,7 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression, whiten_system
 from ges.diagnose.select.search import Hypothesis
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
@@ -572,4 +573,10 @@ def fitted_model(model: Model, fitted: Fitted) -> Model:
     fitted : the fit, whose corrections count from the vehicle file.
     """
     steps = {k: v - model.corrections.get(k, 0.0) for k, v in fitted.joint.common.items()}
-    return with_corrections(model.with_effects(fitted.effects), steps)
+    values = {name: dict(own) for name, own in fitted.effects.items()}
+    # nuisances beside what was fitted of one effect count from this model, as all do
+    for effect, parameter in map(ParameterKey.of, steps):
+        if effect in values:
+            own = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}
+            values[effect][parameter] = own[parameter]
+    return with_corrections(model.with_effects(values), steps)
