@@ -200,16 +200,18 @@ def _nominal_numbers(
 ) -> dict[str, Number]:
     """Return nominal parameters other than trims, from the fit that a diagnosis begins with.
 
-    None without measured rates. The fit starts from the last values, so its prior is centred at
-    minus those. What no file states, as a clock's delay, keeps its usual sd in later flights.
+    None without measured rates. The fit starts from the last values, and its prior stays at the
+    file. What no file states, as a clock's delay, keeps its usual sd in later flights.
     """
     if not attitude_measured(flights):
         return {}
+    last = {key: n.value for key, n in before.items()}
     # trims come from the slow balance: here they are free within their sd alone
     trim_sds = {key: n.later_sd for key, n in before.items() if key in TRIMS}
     now = dataclasses.replace(
-        with_corrections(model, {k: n.value for k, n in before.items()}),
+        with_corrections(model, last),
         prior_sds={**model.prior_sds, **trim_sds},
+        corrections={key: value for key, value in last.items() if key not in TRIMS},
     )
     system = build(flights, now, [])
     _, joint = null_fit(system)
@@ -219,13 +221,9 @@ def _nominal_numbers(
     ):
         key, sd = nuisance.key, float(joint.common_sd[nuisance.key])
         if key not in TRIMS:
-            last = before[key].value if key in before else 0.0
-            # prior's share w = (sd / prior sd)^2: its mean at -last moves the estimate by -w last
-            value = last * (1.0 - (sd / nuisance.sd) ** 2) + float(joint.common[key])
+            value = _within_flown_bounds(key, joint.common[key], sd, model)
             later = max(sd, _usual_sd(key, model))
-            numbers[key] = Number(
-                _within_flown_bounds(key, value, sd, model), sd, 0.0, 0.0, nuisance.sd, later
-            )
+            numbers[key] = Number(value, sd, 0.0, 0.0, nuisance.sd, later)
     return numbers
 
 
@@ -354,12 +352,15 @@ def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> d
 def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
     """Return whether a number is written under ``effects``.
 
-    Trims always are; effects of the drive where stated, or beyond the usual.
+    Trims and what is of one motor always are; effects of the drive where stated, or beyond the
+    usual.
     """
-    effect, clear_sds = ParameterKey.of(key).effect, settings.statistics.clear_sds
+    (effect, parameter), clear_sds = ParameterKey.of(key), settings.statistics.clear_sds
+    of_one_motor = effect != "vehicle" and effect_table.get(effect).parameter(parameter).rotor
     clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
     of_the_drive = effect in {e.name for e in _drive_effects()}
-    return key in TRIMS and key != THRUST or of_the_drive and (clear or effect in vehicle.effects)
+    of_the_drive = of_the_drive and (clear or of_one_motor or effect in vehicle.effects)
+    return key in TRIMS and key != THRUST or of_the_drive
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
