@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from ges.cli import cli
+from ges.conventions import command, rotor_speed
 from ges.diagnose.calibrate.calibrate import LOSSES, calibrate
 from ges.diagnose.design.system import build
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage
@@ -115,6 +116,23 @@ def test_the_file_takes_the_corrections(known, vehicle):
         loss.ci95[0] < loss.value < loss.ci95[1]
         and loss.sd == known.numbers["weak_rotor.loss_2"].later_sd
     )
+
+
+def test_motors_that_differ_are_numbers_of_the_file(flown, with_rates, sheet):
+    """Without them a common top speed, thrust curve and lag bend to fit motors that differ."""
+    vehicle = sheet(
+        motor_time_constant_s={"value": 0.023, "sd_rel": 0.12},
+        max_rotor_speed_rad_s={"value": 1000, "sd_rel": 0.01},
+    )
+    logged, differ = (*with_rates, *command(4), *rotor_speed(4)), {"loss_1": 0.008, "loss_3": -0.006}
+    flights = [
+        (f"f{k}", flown(vehicle, {"slow_motor": differ}, manoeuvres.make(plan, 20.0), k, logged))
+        for k, plan in enumerate(("straight_runs", "multisine", "height_staircase"), 1)
+    ]
+    losses = calibrate(make_set(vehicle, flights)).vehicle.effects["slow_motor"]
+    # all alike are a top speed: what motors differ by is known
+    for name, loss in differ.items():
+        assert losses[name].value - losses["loss_2"].value == pytest.approx(loss, abs=5e-4)
 
 
 def test_a_second_calibration_moves_nothing(known, alike):

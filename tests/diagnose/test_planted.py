@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import ges
-from ges.conventions import POSITION, REFERENCE, SPECIFIC_FORCE, VELOCITY, command
+from ges.conventions import POSITION, REFERENCE, SPECIFIC_FORCE, VELOCITY, command, rotor_speed
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.detectors.gusts import load_may_push
@@ -84,6 +84,7 @@ PLANTED = {
     "esc_delay": {"esc_delay": {"delay_s": 0.03}},
     "thrust_curve": {"thrust_curve": {"c": 0.3}},
     "weak_rotor": {"weak_rotor": {"loss_2": 0.15}},
+    "slow_motor": {"slow_motor": {"loss_2": 0.06}},
     "cg_offset": {"cg_offset": {"x_m": 0.012, "y_m": 0.0}},
     "rotor_tilt": {"rotor_tilt": {"x_rad": 0.04, "y_rad": 0.0}},
     "rotor_cant": {"rotor_cant": {"angle_rad": 0.02}},
@@ -127,6 +128,8 @@ WHERE = {
     "gyroscopic_moment": SHAKEN,
     "inertia": SHAKEN,
 }
+READ = {"slow_motor": (*LOGGED, *rotor_speed(4))}
+"""What is logged where the usual columns do not show it."""
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +159,8 @@ def diagnosed(flown, vehicle):
 
     @functools.cache
     def make(name: str) -> Diagnosis:
-        flights = recordings_of(flown, vehicle, PLANTED[name], WHERE.get(name, ORDINARY))
+        plans, logged = WHERE.get(name, ORDINARY), READ.get(name, LOGGED)
+        flights = recordings_of(flown, vehicle, PLANTED[name], plans, logged)
         return ges.diagnose(flights, vehicle, holdout=["flight5"])
 
     return make
@@ -180,6 +184,16 @@ def test_planted_effect_is_found(name, diagnosed):
     named = {f.name for f in found.findings}
     assert name in named, found.sentence
     assert named <= set(PLANTED[name]) | {name}, found.sentence
+
+
+@pytest.mark.slow
+def test_a_slow_motor_leaves_the_speeds_of_the_others_as_they_are(diagnosed):
+    """Beside what is fitted of an effect its other numbers are corrections, and count once."""
+    found = diagnosed("slow_motor")
+    assert [f.place for f in found.findings] == ["rotor 2"]
+    after = {name: errors["after"] for name, errors in found.fit["channels"].items()}
+    given = found.fit["channels"]["drive_2_rad_s"]["before"]
+    assert all(after[f"drive_{i}_rad_s"] < 0.05 * given for i in range(1, 5)), after
 
 
 @pytest.mark.slow

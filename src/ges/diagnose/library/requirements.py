@@ -88,6 +88,9 @@ REQUIREMENTS: Mapping[str, Requirement] = {
         lambda flights, model: all(f.has("rotor_speed") or f.has("command") for f in flights),
         "needs rotor speeds or motor commands (rotor_speed_1_rad_s ..., u_1 ...)",
     ),
+    "rotor_speed": Requirement(
+        _all_have("rotor_speed"), "needs logged rotor speeds (rotor_speed_1_rad_s ...)"
+    ),
     "command": Requirement(_all_have("command"), "needs logged motor commands (u_1 ...)"),
     "cause_of_command": Requirement(
         lambda flights, model: any(
