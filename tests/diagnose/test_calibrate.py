@@ -124,7 +124,10 @@ def test_motors_that_differ_are_numbers_of_the_file(flown, with_rates, sheet):
         motor_time_constant_s={"value": 0.023, "sd_rel": 0.12},
         max_rotor_speed_rad_s={"value": 1000, "sd_rel": 0.01},
     )
-    logged, differ = (*with_rates, *command(4), *rotor_speed(4)), {"loss_1": 0.008, "loss_3": -0.006}
+    logged, differ = (
+        (*with_rates, *command(4), *rotor_speed(4)),
+        {"loss_1": 0.008, "loss_3": -0.006},
+    )
     flights = [
         (f"f{k}", flown(vehicle, {"slow_motor": differ}, manoeuvres.make(plan, 20.0), k, logged))
         for k, plan in enumerate(("straight_runs", "multisine", "height_staircase"), 1)
