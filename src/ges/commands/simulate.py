@@ -158,6 +158,8 @@ def command(
     timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}
     # height by position and no feed-forward: the controller knows nothing of the ground
     fixed: dict[str, float | str] = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
+    # a row has the readings of its own time, and no stream is half a step late of another
+    fixed |= {"integrator": 1, "control_every": 5, "record_every": 10}
     curve = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
     fixed["fw_thrust_curve"] = min(max(curve, 0.0), 1.0)  # an autopilot is set up for its motors
     # later ones replace earlier ones: what the user sets has the last word
