@@ -8,7 +8,7 @@ import pytest
 
 from ges.diagnose.decide import explanation, rules
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.decide.explanation import Explanation, practically_significant
+from ges.diagnose.decide.explanation import Explanation
 from ges.diagnose.decide.rules import (
     SEARCH_RULES,
     RuleContext,
@@ -16,15 +16,17 @@ from ges.diagnose.decide.rules import (
     distinguishable,
     has_its_prerequisite,
     parameters_at_bounds,
+    practically_significant,
     probable,
     rivals_nearly_as_good,
     significant,
 )
 from ges.diagnose.estimate.fit import Fitted
+from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import DecisionLog
+from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.simulator import effects as effect_table
 
 from .synthetic import MODEL, hovering, nuisance, rows_of, system_of
@@ -215,19 +217,36 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
     assert significant(fitted, "wind").passed == bool(blows)
 
 
-def test_what_makes_less_than_no_model_is_right_to_does_not_matter():
-    def matters(name, channel, share):
-        size = {"channel": channel, "share_of_weight": share}
-        return practically_significant(name, size, MODEL, DecisionLog())
-
-    least = settings.decide.least_thrust_share
-    assert matters("ground_effect", "force_z", least)
-    assert not matters("ground_effect", "force_z", 0.9 * least)
-    assert not matters("ground_effect", "", 1.0)
-    # of a range a threshold is a height, and the whole a rotor's radius
-    share = settings.prepare.height_error_m / MODEL.radius_m
-    assert matters("rangefinder_bias", "range", share)
-    assert not matters("rangefinder_bias", "range", 0.9 * share)
+@pytest.mark.parametrize(
+    ("name", "channel", "given", "left", "matters"),
+    [
+        ("ground_effect", "force_z", 3.0, 0.5, True),
+        ("ground_effect", "force_z", 1.0, 0.5, False),
+        ("ground_effect", "force_z", 0.5, 0.5, False),
+        # more than a name makes is nearer by something else
+        ("rotor_saturation", "moment_y", 9.0, 0.5, False),
+        # of a range the threshold is a height
+        ("rangefinder_bias", "range", 3.0, 0.5, True),
+        ("rangefinder_bias", "range", 1.0, 0.5, False),
+        # a number of the file may be wrong by less, but not by nothing
+        ("inertia", "moment_x", 1.0, 0.5, True),
+        ("torque_coefficient", "moment_z", 0.5, 0.6, False),
+    ],
+)
+def test_a_name_brings_flights_nearer_than_the_file_does(
+    monkeypatch, name, channel, given, left, matters
+):
+    """In thresholds of its channel. Two wrong numbers may undo each other and explain nothing."""
+    least, rng = least_rms_in(channel, MODEL), np.random.default_rng(0)
+    noise = rng.standard_normal((500, 1)) * least
+    system = SimpleNamespace(main=(channel,), model=MODEL)
+    fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
+    monkeypatch.setattr(rules, "residuals_with", lambda system, model: [given * noise])
+    monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [left * noise])
+    made = 0.1 if name == "rotor_saturation" else 4.0
+    monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * noise]})
+    (decision,) = practically_significant(fitted, (name,), MODEL).values()
+    assert decision.passed == matters, decision.because
 
 
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
@@ -321,7 +340,7 @@ def test_what_stands_at_a_bound_or_makes_nothing_is_not_flown(monkeypatch, sizes
     """Healthy hovers: one of two lags, one at its bound and one of no size, was open. And a thrust
     curve at its bound was flown: the unseen force along thrust was ten times worse.
     """
-    fits = {n: SimpleNamespace(name=n, regression=SimpleNamespace(system=None)) for n in sizes}
+    fits = {n: SimpleNamespace(name=n) for n in sizes}
     result = SimpleNamespace(inclusion={"inertia": 0.5, "motor_lag": 0.3, "slung_load": 0.01})
     accepted = Accepted((), result, None, "names alone", {}, (*sizes, "esc_delay"))
     told = Explanation(accepted, None, None, [], {})
@@ -335,11 +354,10 @@ def test_what_stands_at_a_bound_or_makes_nothing_is_not_flown(monkeypatch, sizes
         "parameters_at_bounds",
         lambda fit: [(fit.name, "up_s")] if fit.name in bounds else [],
     )
-    monkeypatch.setattr(explanation, "contributions", lambda fit, *_: {fit.name: fit.name})
     monkeypatch.setattr(
         explanation,
-        "size_of_contribution",
-        lambda made, _: {"channel": "force_z", "share_of_weight": sizes[made]},
+        "practically_significant",
+        lambda fit, *_: {fit.name: Decision("practically_significant", sizes[fit.name] > 0.0, "")},
     )
     monkeypatch.setattr(
         explanation,

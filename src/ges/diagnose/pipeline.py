@@ -146,5 +146,4 @@ def diagnose(
         contradicted,
         shift,
         record,
-        names is None,
     )

@@ -37,7 +37,8 @@ def _fly_motors(top_rad_s, bend, noise_rad_s=1.0):
 
 def _found(flight, speed_sd_rad_s=300.0, bend_sd=0.3):
     late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
-    sds = {SPEED: speed_sd_rad_s, BEND: bend_sd, **dict.fromkeys(late, 0.0)}
+    alike = tuple(f"slow_motor.loss_{i}" for i in range(1, 5))
+    sds = {SPEED: speed_sd_rad_s, BEND: bend_sd, **dict.fromkeys((*late, *alike), 0.0)}
     declared = dataclasses.replace(MODEL, prior_sds=sds)
     system = build([flight], declared, [])
     assert system.main == ("drive_1", "drive_2", "drive_3", "drive_4")

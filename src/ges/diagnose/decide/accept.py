@@ -18,6 +18,7 @@ from ges.diagnose.decide.rules import (
     differs_from_neutral,
     open_names,
     parameters_at_bounds,
+    practically_significant,
     rivals_nearly_as_good,
     significant,
 )
@@ -553,18 +554,13 @@ def _fit_with_replacement(fitted: Fitted, name: str, rival: str, system: System)
     return polish(system, values, free, fixed_noise=fitted.regression.noise)
 
 
-def fit_along_rollouts(accepted: Accepted, record: DecisionLog | None = None) -> Accepted:
+def fit_along_rollouts(accepted: Accepted) -> Accepted:
     """Refine the fit by multiple shooting, along the path that the model flies itself.
 
     Parameters
     ----------
     accepted : names and fits. It is returned unchanged with effects that have memory of the path,
         whose state pieces would break.
-    record : takes the decisions. Every name stays where it is not given.
-
-    Returns
-    -------
-    Without names that are not significant in this fit, which is the one that is told.
     """
     fitted, system = accepted.fitted, accepted.regression.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
@@ -573,19 +569,38 @@ def fit_along_rollouts(accepted: Accepted, record: DecisionLog | None = None) ->
     model = fitted_model(system.model, fitted)
     flights = each(lambda flight: with_rollout_path(flight, model), system.recordings)
     polished = polish(system, fitted.effects, fitted.free, flights, earlier=fitted)
-    refined = dataclasses.replace(accepted, fitted=polished)
-    if record is None:
+    return dataclasses.replace(accepted, fitted=polished)
+
+
+def confirm_along_rollouts(accepted: Accepted, nominal: Model, record: DecisionLog) -> Accepted:
+    """Refine the fit along rollouts, without names that do not stand in it.
+
+    Parameters
+    ----------
+    accepted : names and fits.
+    nominal : the vehicle file's model.
+    record : takes the decisions.
+
+    Returns
+    -------
+    Names that are significant in this fit, which is the one that is told, and bring the flights
+    nearer than the vehicle file does.
+    """
+    refined, system = fit_along_rollouts(accepted), accepted.regression.system
+    fitted = refined.fitted
+    if fitted is None:
         return refined
-    decisions = {n: significant(polished, n) for n in accepted.names}
-    failed = {n for n, d in decisions.items() if not d.passed}
-    if not failed:
-        return refined
-    for name in sorted(failed):
-        record.note(name, decisions[name])
+    decisions = {name: significant(fitted, name) for name in accepted.names}
+    passed = [name for name, decision in decisions.items() if decision.passed]
+    decisions |= practically_significant(fitted, passed, nominal)
+    for name, decision in decisions.items():
+        record.note(name, decision)
     # what acted through a name that fell has nothing to act through
-    kept = [n for n in accepted.names if n not in failed]
+    kept = [name for name in accepted.names if decisions[name].passed]
     kept = [n for n in kept if has_prerequisite(n, {*kept, *system.model.effects})]
-    return fit_along_rollouts(_restricted(accepted, kept, system), record)
+    if len(kept) == len(accepted.names):
+        return refined
+    return confirm_along_rollouts(_restricted(accepted, kept, system), nominal, record)
 
 
 def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:

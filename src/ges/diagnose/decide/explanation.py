@@ -10,17 +10,18 @@ import numpy as np
 from ges.diagnose.decide.accept import (
     Accepted,
     accept,
+    confirm_along_rollouts,
     fit_along_rollouts,
     fit_alternatives,
     fit_causes,
 )
-from ges.diagnose.decide.rules import parameters_at_bounds
+from ges.diagnose.decide.rules import parameters_at_bounds, practically_significant
 from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
-from ges.diagnose.estimate.contributions import contributions, size_of_contribution
+from ges.diagnose.estimate.contributions import contributions
 from ges.diagnose.estimate.fit import fitted_model
 from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
@@ -79,7 +80,11 @@ def explain_flights(
     gusts = _gusts(accepted, start, nominal_gusts)
     if gusts and accepted.fitted is not None and only is None:
         start, accepted, gusts = _accept_in_gusts(start, accepted, gusts, nominal_gusts, record)
-    refined = fit_along_rollouts(accepted, record if only is None else None)
+    refined = (
+        confirm_along_rollouts(accepted, nominal, record)
+        if only is None
+        else fit_along_rollouts(accepted)
+    )
     return start, explanation_of(refined, gusts, start, nominal)
 
 
@@ -162,7 +167,7 @@ def explanation_of(
 def _gusts(
     accepted: Accepted, start: Start, nominal_gusts: Mapping[str, float] | None
 ) -> Gusts | None:
-    """Return gusts in the residuals, where no suspended load may make them by leaning."""
+    """Return gusts that matter in the residuals, where no suspended load may make them."""
     fitted = accepted.fitted
     gusts = find_gusts(
         *(
@@ -172,7 +177,7 @@ def _gusts(
         ),
         nominal_gusts,
     )
-    if not gusts:
+    if not gusts or gusts.force_N < least_rms_in("force_x", start.system.model):
         return None
     hanging = [name for name in accepted.names if name in HANGING]
     pulls = contributions(fitted, hanging, start.system.model)
@@ -271,24 +276,6 @@ def _matters(accepted: Accepted, name: str, nominal: Model, record: DecisionLog)
     fitted = accepted.alternatives[name]
     if any(effect == name for effect, _ in parameters_at_bounds(fitted)):
         return False
-    (made,) = contributions(fitted, (name,), nominal).values()
-    size = size_of_contribution(made, fitted.regression.system)
-    return practically_significant(name, size, nominal, record)
-
-
-def practically_significant(name: str, size: Mapping, model: Model, record: DecisionLog) -> bool:
-    """Decide whether a finding is above the practical significance threshold of its channel.
-
-    Parameters
-    ----------
-    name : of the finding.
-    size : of :func:`~ges.diagnose.estimate.contributions.size_of_contribution`.
-    model : for the reference scale of the channel.
-    record : gets the decision.
-    """
-    channel, share = size["channel"], size["share_of_weight"]
-    least = least_rms_in(channel, model) / model.reference_scale(channel) if channel else None
-    passed = bool(channel) and share >= least
-    because = f"{100.0 * share:.2g} % of the whole in {channel}" if channel else "shows nowhere"
-    record.note(name, Decision("practically_significant", passed, because, share, least))
-    return passed
+    (decision,) = practically_significant(fitted, (name,), nominal).values()
+    record.note(name, decision)
+    return decision.passed

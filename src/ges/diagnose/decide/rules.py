@@ -2,24 +2,26 @@
 
 A rule looks at one name among those that passed the rules before it. It decides whether the name
 goes on, and gives the reason. :data:`SEARCH_RULES` apply to a search, :func:`significant` to a full
-fit, and the rules of :mod:`~ges.diagnose.decide.explanation` to its residuals.
+fit, and :func:`practically_significant` to what that fit is worth.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ges.conventions import QUATERNION
 from ges.diagnose.design.columns import variant_of
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, residuals_with
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
-from ges.diagnose.estimate.contributions import size_of_contribution
+from ges.diagnose.estimate.contributions import contributions, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted
+from ges.diagnose.estimate.joint import raw_residuals
 from ges.diagnose.library.candidates import (
     HULL,
     amplitude_of,
@@ -28,15 +30,17 @@ from ges.diagnose.library.candidates import (
     has_prerequisite,
 )
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
+from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression, contribution_of
 from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
+from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 
-SIGNIFICANT = "significant_when_fitted"
+SIGNIFICANT, PRACTICAL = "significant_when_fitted", "practically_significant"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -351,6 +355,45 @@ def significant(fitted: Fitted, name: str) -> Decision:
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
+
+
+def practically_significant(
+    fitted: Fitted, names: Sequence[str], nominal: Model
+) -> dict[str, Decision]:
+    """Decide whether flights agree better with a name than with the file, by what matters.
+
+    Parameters
+    ----------
+    fitted : with the names.
+    names : of effects; each is decided on.
+    nominal : the vehicle file's model.
+
+    Notes
+    -----
+    The channel in which a name makes most counts. A file's number may be wrong by less than what
+    matters, but flights have to agree better. Numbers that undo each other change nothing there.
+    """
+    system = fitted.regression.system
+    given, left = (
+        np.nanmean(np.concatenate([r[:, : len(system.main)] for r in residuals]) ** 2, axis=0)
+        for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
+    )
+
+    def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
+        size = size_of_contribution(made, system)
+        channel = size["channel"]
+        if not channel:
+            return Decision(PRACTICAL, False, "shows nowhere")
+        scale = system.model.reference_scale(channel)
+        gain = float((given - left)[system.main.index(channel)])
+        # of what flights are nearer by no more is the name's than what it makes
+        share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
+        corrects = effect_table.get(name).about == "parameter"
+        least = 0.0 if corrects else least_rms_in(channel, system.model) / scale
+        because = f"{100.0 * share:.2g} % of the whole nearer than the vehicle file in {channel}"
+        return Decision(PRACTICAL, share > 0.0 and share >= least, because, share, least)
+
+    return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:

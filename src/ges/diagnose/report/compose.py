@@ -75,7 +75,6 @@ def compose_diagnosis(
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     record: DecisionLog,
-    names_searched: bool,
 ) -> Diagnosis:
     """Put the diagnosis together.
 
@@ -91,12 +90,9 @@ def compose_diagnosis(
     contradicted : nominal parameters that the flights contradict.
     shift : a shifted balance or an unmeasured thrust; None where there is none.
     record : decisions on every name.
-    names_searched : False where the names were given.
     """
     findings = with_rival_laws(
-        all_findings(
-            explanation, problem.model, contradicted, shift, problem.gate, record, names_searched
-        ),
+        all_findings(explanation, problem.model, contradicted, shift, problem.gate),
         rivals,
     )
     # asked of the model with all findings, as one may act through another

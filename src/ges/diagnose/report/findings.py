@@ -10,7 +10,7 @@ import numpy as np
 from ges.diagnose.advise.detect import DetectedEffect
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import Contradicted
-from ges.diagnose.decide.explanation import Explanation, practically_significant
+from ges.diagnose.decide.explanation import Explanation
 from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
@@ -27,7 +27,6 @@ from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.report.content import places_of
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
-from ges.diagnose.types.decision import DecisionLog
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
@@ -40,8 +39,6 @@ def all_findings(
     contradicted: Sequence[Contradicted],
     shift: Shift | UnmeasuredThrust | None,
     gate: Gate,
-    record: DecisionLog,
-    names_searched: bool,
 ) -> list[Finding]:
     """Return the findings of a diagnosis.
 
@@ -52,8 +49,6 @@ def all_findings(
     contradicted : nominal parameters that the flights contradict.
     shift : a shifted balance or unmeasured thrust; None without one.
     gate : delays and offsets that were removed.
-    record : gets decisions on sizes.
-    names_searched : False where the names were given. They are then reported whatever their size.
 
     Returns
     -------
@@ -69,15 +64,6 @@ def all_findings(
     # shares make a force, a moment and a rotor speed comparable
     proven.sort(key=lambda f: -f.size["share_of_weight"])
     proven += [explanation.gusts.finding()] if explanation.gusts else []
-    # names that were given are reported whatever their size, and so are wrong numbers of the file:
-    # what they are wrong by is held against their prior sd
-    if names_searched:
-        model = explanation.last.model
-        proven = [
-            f
-            for f in proven
-            if f.kind == "parameter" or practically_significant(f.name, f.size, model, record)
-        ]
     return [
         *proven,
         *gate_findings(gate, explanation.last.model.prior_sds),
