@@ -1,21 +1,25 @@
-/* Motors that turn slower than the others at the same command: w_cmd,i = w_max u_i (1 - e_i). */
+/* Motors that turn slower than the others at the same command: w_cmd,i = w_max u_i (1 - e_i + mean(e)).
+ *
+ * What all motors lack is no motor's: it is the top speed, or the battery.
+ */
 #include "effect.h"
 
 static void drive(const sample_t *s, const vd *p, const vd *x, vd *dx, drive_t *add) {
   (void)x, (void)dx;
-  for (int i = 0; i < ROTORS_OF(s); i++) add->speed[i] -= s->speed_max * s->u[i] * p[i];
+  vd all = mean(s, p);
+  for (int i = 0; i < ROTORS_OF(s); i++) add->speed[i] -= s->speed_max * s->u[i] * (p[i] - all);
 }
 
 #define LOSS(i) \
   {.name = "loss_" #i, .unit = "1", .role = GES_AMPLITUDE, .value = i == 1 ? 0.05 : 0, .neutral = 0, .low = -0.5, .high = 1, \
-   .doc = "share of its speed that motor " #i " lacks", .rotor = i, \
+   .doc = "share of its speed that motor " #i " lacks, beyond all others", .rotor = i, \
    .prior = {.shows_in = "drive", .step = 0.0025, .sd = 0.005}},
 
 EFFECT(slow_motor) = {
     .name = "slow_motor",
     .title = "a motor turns slower at the same command (worn bearing, bad speed controller)",
-    .equation = "w_cmd = w_max u (1 - e_i)",
-    .latex = "\\Omega_\\text{cmd} = \\Omega_\\text{max}\\, u\\, (1 - e_i)",
+    .equation = "w_cmd = w_max u (1 - e_i + sum_j e_j / n)",
+    .latex = "\\Omega_\\text{cmd} = \\Omega_\\text{max}\\, u\\, (1 - e_i + \\sum_j e_j / n)",
     .reference = "definition",
     .channels = "drive",
     .kind = GES_ACTUATOR,
