@@ -88,6 +88,18 @@ def test_what_stands_at_a_bound_of_the_library_is_no_wrong_number():
     assert [c.key for c in _declared(fast, more={"motor_lag.up_s": 0.002})] == list(fast)
 
 
+@pytest.mark.parametrize(
+    ("up_s", "down_s", "wrong"),
+    [(0.15, -0.05, False), (0.08, 0.07, True), (-0.019, -0.019, True), (0.1, 0.0, False)],
+)
+def test_one_number_with_several_corrections_moves_by_their_mean(up_s, down_s, wrong):
+    """A motor of PX4's SIH that speeds up late and slows down at once: what it stands for is open."""
+    lags = {"motor_lag.up_s": up_s, "motor_lag.down_s": down_s}
+    sd_s = 0.02 if up_s > 0.0 else 0.002
+    told = _declared(lags, more=dict.fromkeys(lags, sd_s))
+    assert {c.key for c in told} == (set(lags) if wrong else set())
+
+
 def test_what_fell_in_a_full_fit_is_no_fault_of_the_file():
     record = DecisionLog()
     record.note("inertia", Decision("significant_when_fitted", False, "xx stands at its bound"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from ges.diagnose.decide.rules import SIGNIFICANT
 from ges.diagnose.decide.sizes import least_sizes
@@ -123,18 +123,36 @@ def contradicted_parameters(
         if _stands_at_bound(key, value, system.model)
     }
     model, share = system.model, rms_of(system) / least_sizes(system)[:, None]
-    contradicted = [
-        Contradicted(key, value, joint.common_sd[key], sd, _relative_correction(key, value, model))
-        for key, value in joint.common.items()
-        # with what the recording adds to the file's own sd, as how long a command was held
+    # with what the recording adds to the file's own sd, as how long a command was held
+    prior_sds = {
+        key: sd
+        for key in joint.common
         if key in model.prior_sds
         and (sd := system.prior_sd(key))
         and ParameterKey.of(key).effect not in {*but, *at_bound}
+    }
+    contradicted = [
+        Contradicted(key, value, joint.common_sd[key], sd, _relative_correction(key, value, model))
+        for key, sd in prior_sds.items()
+        for value in [joint.common[key]]
         # certain alone is not enough: a number known to a hair may be off by what matters nowhere
-        and abs(value) > settings.statistics.certain_sds * sd
+        if _number_is_beyond(key, joint.common, prior_sds)
         and abs(value) * share[:, system.nuisances[key]].max() >= 1.0
     ]
     return sorted(contradicted, key=lambda c: -c.sds)
+
+
+def _number_is_beyond(
+    key: str, common: Mapping[str, float], prior_sds: Mapping[str, float]
+) -> bool:
+    """Return whether the number that a key corrects is certainly beyond its prior.
+
+    Several corrections of one number, as lags up and down, move it by their mean.
+    """
+    number = corrected_numbers(key)
+    alike = [k for k in prior_sds if corrected_numbers(k) == number]
+    sd = math.sqrt(sum(prior_sds[k] ** 2 for k in alike))
+    return abs(sum(common[k] for k in alike)) > settings.statistics.certain_sds * sd
 
 
 def _stands_at_bound(key: str, value: float, model: Model) -> bool:

@@ -375,7 +375,10 @@ def practically_significant(
     """
     system = fitted.regression.system
     given, left = (
-        np.nanmean(np.concatenate([r[:, : len(system.main)] for r in residuals]) ** 2, axis=0)
+        [
+            _mean_square(np.concatenate([r[:, c] for r in residuals]))
+            for c in range(len(system.main))
+        ]
         for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
     )
 
@@ -384,8 +387,8 @@ def practically_significant(
         channel = size["channel"]
         if not channel:
             return Decision(PRACTICAL, False, "shows nowhere")
-        scale = system.model.reference_scale(channel)
-        gain = float((given - left)[system.main.index(channel)])
+        c, scale = system.main.index(channel), system.model.reference_scale(channel)
+        gain = given[c] - left[c]
         # of what flights are nearer by no more is the name's than what it makes
         share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
         corrects = effect_table.get(name).about == "parameter"
@@ -394,6 +397,12 @@ def practically_significant(
         return Decision(PRACTICAL, share > 0.0 and share >= least, because, share, least)
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
+
+
+def _mean_square(residual: np.ndarray) -> float:
+    """Return the mean square of a residual (m,) where it is there, 0 where it never is."""
+    there = residual[np.isfinite(residual)]
+    return float(np.mean(there**2)) if len(there) else 0.0
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
