@@ -358,9 +358,9 @@ def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
     (effect, parameter), clear_sds = ParameterKey.of(key), settings.statistics.clear_sds
     of_one_motor = effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).rotor)
     clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
+    known = clear or of_one_motor or effect in vehicle.effects
     of_the_drive = effect in {e.name for e in _drive_effects()}
-    of_the_drive = of_the_drive and (clear or of_one_motor or effect in vehicle.effects)
-    return key in TRIMS and key != THRUST or of_the_drive
+    return key in TRIMS and key != THRUST or of_the_drive and known
 
 
 def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
