@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -369,45 +370,39 @@ def practically_significant(
 
     Notes
     -----
-    The channel in which a name makes most counts. At least half of that has to bring the flights
-    nearer: the rest of parts that cancel each other only undoes the others. A file's number may be
-    wrong by less than what matters.
+    The channel in which a name makes most counts. A file's number may be wrong by less than what
+    matters, but flights have to agree better. Numbers that undo each other change nothing there.
     """
     system = fitted.regression.system
-    scale = np.array([system.model.reference_scale(channel) for channel in system.main])
-    least = np.array([least_rms_in(channel, system.model) for channel in system.main]) / scale
     given, left = (
-        _rms(residuals, system) / scale
+        [
+            _mean_square(np.concatenate([r[:, c] for r in residuals]))
+            for c in range(len(system.main))
+        ]
         for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
     )
-    nearer = np.sign(given - left) * np.sqrt(np.abs(given**2 - left**2))
 
-    def decision(name: str, contribution: Sequence[np.ndarray]) -> Decision:
-        made = _rms(contribution, system) / scale
-        if not made.any():
+    def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
+        size = size_of_contribution(made, system)
+        channel = size["channel"]
+        if not channel:
             return Decision(PRACTICAL, False, "shows nowhere")
-        # force and accelerometer show one push: the better of channels that show about as much
-        about = np.flatnonzero(made >= 0.5 * made.max())
-        c = about[np.argmax(nearer[about] / made[about])]
+        c, scale = system.main.index(channel), system.model.reference_scale(channel)
+        gain = given[c] - left[c]
         # of what flights are nearer by no more is the name's than what it makes
-        share = min(float(nearer[c]), float(made[c]))
-        threshold = 0.0 if effect_table.get(name).about == "parameter" else float(least[c])
-        because = (
-            f"makes {100.0 * made[c]:.2g} % of the whole in {system.main[c]}, which is"
-            f" {100.0 * nearer[c]:.2g} % nearer than with the vehicle file"
-        )
-        passed = share >= max(threshold, 0.5 * float(made[c]))
-        return Decision(PRACTICAL, passed, because, share, threshold)
+        share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
+        corrects = effect_table.get(name).about == "parameter"
+        least = 0.0 if corrects else least_rms_in(channel, system.model) / scale
+        because = f"{100.0 * share:.2g} % of the whole nearer than the vehicle file in {channel}"
+        return Decision(PRACTICAL, share > 0.0 and share >= least, because, share, least)
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
 
 
-def _rms(by_flight: Sequence[np.ndarray], system: System) -> np.ndarray:
-    """Return the rms (C,) of each main channel over all flights, 0 where it never is."""
-    values = np.concatenate([of_flight[:, : len(system.main)] for of_flight in by_flight])
-    there = np.isfinite(values)
-    squares = np.where(there, values, 0.0) ** 2
-    return np.sqrt(squares.sum(axis=0) / np.maximum(there.sum(axis=0), 1))
+def _mean_square(residual: np.ndarray) -> float:
+    """Return the mean square of a residual (m,) where it is there, 0 where it never is."""
+    there = residual[np.isfinite(residual)]
+    return float(np.mean(there**2)) if len(there) else 0.0
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
