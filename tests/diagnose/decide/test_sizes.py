@@ -90,7 +90,7 @@ def test_what_stands_at_a_bound_of_the_library_is_no_wrong_number():
 
 @pytest.mark.parametrize(
     ("up_s", "down_s", "wrong"),
-    [(0.15, -0.05, False), (0.08, 0.07, True), (0.1, 0.0, False)],
+    [(0.15, -0.05, False), (0.09, 0.08, True), (0.08, 0.07, False), (0.1, 0.0, False)],
 )
 def test_one_number_with_several_corrections_moves_by_their_mean(up_s, down_s, wrong):
     """A motor of PX4's SIH seemed to speed up late and slow down at once: its form is another."""

@@ -147,12 +147,13 @@ def _number_is_beyond(
 ) -> bool:
     """Return whether the number that a key corrects is certainly beyond its prior.
 
-    Several corrections of one number, as lags up and down, move it by their mean.
+    Several corrections of one number, as lags up and down, move it by their mean, which is as
+    uncertain as each: the file has one sd for it.
     """
     number = corrected_numbers(key)
     alike = [k for k in prior_sds if corrected_numbers(k) == number]
-    sd = math.sqrt(sum(prior_sds[k] ** 2 for k in alike))
-    return abs(sum(common[k] for k in alike)) > settings.statistics.certain_sds * sd
+    mean_sds = abs(sum(common[k] for k in alike)) / sum(prior_sds[k] for k in alike)
+    return mean_sds > settings.statistics.certain_sds
 
 
 def _stands_at_bound(key: str, value: float, model: Model) -> bool:
