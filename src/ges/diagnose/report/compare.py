@@ -71,7 +71,7 @@ def compare(
             for name, c in zip(names, both, strict=True)
         ],
         "findings": [*_findings(first, second), *_laws(first, second)],
-        "numbers": list(_numbers(first["calibration"], second["calibration"])),
+        "numbers": list(_numbers(*(c.get("calibration", {}) for c in both))),
         "errors": [
             *_errors(first["fit"]["channels"], second["fit"]["channels"], ""),
             *_errors(_rollout_channels(first), _rollout_channels(second), ahead),
