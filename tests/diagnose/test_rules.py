@@ -218,33 +218,35 @@ def test_air_that_hardly_moves_is_no_wind(size, rough, blows):
 
 
 @pytest.mark.parametrize(
-    ("name", "channel", "given", "left", "matters"),
+    ("name", "channel", "made", "before", "after", "matters"),
     [
-        ("ground_effect", "force_z", 3.0, 0.5, True),
-        ("ground_effect", "force_z", 1.0, 0.5, False),
-        ("ground_effect", "force_z", 0.5, 0.5, False),
+        ("ground_effect", "force_z", 4.0, 3.0, 0.5, True),
+        ("ground_effect", "force_z", 1.001, 3.0, 0.5, True),
+        ("ground_effect", "force_z", 0.9, 3.0, 0.5, False),
+        ("ground_effect", "force_z", 4.0, 1.0, 0.5, False),
+        ("ground_effect", "force_z", 4.0, 0.5, 0.5, False),
+        ("ground_effect", "force_z", 0.0, 3.0, 0.5, False),
         # more than a name makes is nearer by something else
-        ("rotor_saturation", "moment_y", 9.0, 0.5, False),
+        ("rotor_saturation", "moment_y", 0.1, 9.0, 0.5, False),
         # of a range the threshold is a height
-        ("rangefinder_bias", "range", 3.0, 0.5, True),
-        ("rangefinder_bias", "range", 1.0, 0.5, False),
+        ("rangefinder_bias", "range", 1.001, 3.0, 0.5, True),
+        ("rangefinder_bias", "range", 0.9, 3.0, 0.5, False),
+        ("rangefinder_bias", "range", 4.0, 1.0, 0.5, False),
         # a number of the file may be wrong by less, but not by nothing
-        ("inertia", "moment_x", 1.0, 0.5, True),
-        ("torque_coefficient", "moment_z", 0.5, 0.6, False),
+        ("inertia", "moment_x", 4.0, 1.0, 0.5, True),
+        ("torque_coefficient", "moment_z", 4.0, 0.5, 0.6, False),
     ],
 )
 def test_a_name_brings_flights_nearer_than_the_file_does(
-    monkeypatch, name, channel, given, left, matters
+    monkeypatch, name, channel, made, before, after, matters
 ):
     """In thresholds of its channel. Two wrong numbers may undo each other and explain nothing."""
-    least, rng = least_rms_in(channel, MODEL), np.random.default_rng(0)
-    noise = rng.standard_normal((500, 1)) * least
+    unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    monkeypatch.setattr(rules, "residuals_with", lambda system, model: [given * noise])
-    monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [left * noise])
-    made = 0.1 if name == "rotor_saturation" else 4.0
-    monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * noise]})
+    monkeypatch.setattr(rules, "residuals_with", lambda system, model: [before * unit])
+    monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [after * unit])
+    monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * unit]})
     (decision,) = practically_significant(fitted, (name,), MODEL).values()
     assert decision.passed == matters, decision.because
 

@@ -75,6 +75,15 @@ def test_an_older_diagnosis_says_that_it_has_no_record(written, content):
     assert "keeps no record of its decisions" in run(explain.command, folder)
 
 
+@pytest.mark.parametrize("key", ["calibration", "considered", "not_tested", "origin"])
+def test_an_older_diagnosis_is_compared_without_what_it_lacks(written, content, key):
+    folder = written()
+    del content[key]
+    (Path(folder) / "diagnosis.json").write_text(json.dumps(content))
+    assert content["sentence"].split()[0] in run(compare.command, folder, written("other"))
+    assert run(explain.command, folder)
+
+
 def test_two_diagnoses_side_by_side(written, content, tmp_path):
     drag = content["findings"][0]
     far = {"k_kg": {"value": 2.0e-4, "ci95": [1.8e-4, 2.2e-4], "unit": "kg"}}

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from ges.diagnose.decide import accept
-from ges.diagnose.decide.accept import Accepted, confirm_along_rollouts
+from ges.diagnose.decide.accept import Accepted, confirm_along_rollouts, fit_along_rollouts
 from ges.diagnose.types.decision import Decision, DecisionLog
 
 VALUES = {"rotor_drag": {"k_kg": 1e-4}, "wind": {"east_m_s": 2.0}, "motor_lag": {"up_s": 0.5}}
@@ -62,3 +62,5 @@ def test_a_name_that_fails_along_rollouts_is_taken_back(monkeypatch, accepted, f
     assert refined.fitted is None if not left else set(refined.fitted.effects) == set(left)
     for name in (*failing, *idle):
         assert [d.passed for d in record.of(name)] == [False]
+    kept = fit_along_rollouts(accepted)
+    assert kept.names == tuple(VALUES), "what was asked for stays"
