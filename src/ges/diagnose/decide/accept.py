@@ -657,10 +657,7 @@ def fit_causes(accepted: Accepted, causes: Mapping[str, effect_table.Effects]) -
     system = accepted.regression.system
     fits = {}
     for name, changed in causes.items():
-        values = {
-            e: {**effect_table.get(e).neutral(), **system.model.effects.get(e, {}), **own}
-            for e, own in changed.items()
-        }
+        values = {e: {**system.model.values_of(e), **own} for e, own in changed.items()}
         fits[name] = polish(system, values, [(e, p) for e, own in changed.items() for p in own])
     return dataclasses.replace(accepted, fitted=next(iter(fits.values())), alternatives=fits)
 

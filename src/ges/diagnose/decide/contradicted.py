@@ -165,8 +165,7 @@ def _stands_at_bound(key: str, value: float, model: Model) -> bool:
     if effect == "vehicle":
         return False
     parameter = effect_table.get(effect).parameter(name)
-    present = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[name]
-    corrected = present + value - model.corrections.get(key, 0.0)
+    corrected = model.values_of(effect)[name] + value - model.corrections.get(key, 0.0)
     bounds = (parameter.low, parameter.high)
     return any(b and math.isclose(corrected, b, rel_tol=settings.numerics.small) for b in bounds)
 

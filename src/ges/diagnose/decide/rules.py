@@ -374,7 +374,7 @@ def practically_significant(
     matters, but flights have to agree better. Numbers that undo each other change nothing there.
     """
     system = fitted.regression.system
-    given, left = (
+    before, after = (
         [
             _mean_square(np.concatenate([r[:, c] for r in residuals]))
             for c in range(len(system.main))
@@ -388,7 +388,7 @@ def practically_significant(
         if not channel:
             return Decision(PRACTICAL, False, "shows nowhere")
         c, scale = system.main.index(channel), system.model.reference_scale(channel)
-        gain = given[c] - left[c]
+        gain = before[c] - after[c]
         # of what flights are nearer by no more is the name's than what it makes
         share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
         corrects = effect_table.get(name).about == "parameter"

@@ -260,7 +260,7 @@ def _step_parameter(
     The step is reversed where it would leave the bounds.
     """
     descriptor = effect_table.get(effect)
-    values_now = {**descriptor.neutral(), **model.effects.get(effect, {}), **values}
+    values_now = {**model.values_of(effect), **values}
     p = descriptor.parameter(parameter)
     if not p.low <= values_now[parameter] + step <= p.high:
         step = -step

@@ -577,6 +577,5 @@ def fitted_model(model: Model, fitted: Fitted) -> Model:
     # nuisances beside what was fitted of one effect count from this model, as all do
     for effect, parameter in map(ParameterKey.of, steps):
         if effect in values:
-            own = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}
-            values[effect][parameter] = own[parameter]
+            values[effect][parameter] = model.values_of(effect)[parameter]
     return with_corrections(model.with_effects(values), steps)

@@ -353,10 +353,7 @@ def with_corrections(model: Model, common: Mapping[str, float]) -> Model:
         if effect == "vehicle":
             model = model.with_number(parameter, model.number(parameter) + value)
             continue
-        current = more.get(effect) or {
-            **effect_table.get(effect).neutral(),
-            **model.effects.get(effect, {}),
-        }
+        current = more.get(effect) or model.values_of(effect)
         more[effect] = {
             **current,
             parameter: within_bounds(effect, parameter, current[parameter] + value),
@@ -376,7 +373,7 @@ def correction_bounds(key: str, model: Model) -> tuple[float, float]:
     if effect == "vehicle":
         return -model.number(parameter), math.inf
     p = effect_table.get(effect).parameter(parameter)
-    current = {**effect_table.get(effect).neutral(), **model.effects.get(effect, {})}[parameter]
+    current = model.values_of(effect)[parameter]
     # a number that is corrected by as much as it is, in its own unit, is nothing: less it cannot be
     own = [
         model.number(n) for n in p.corrects if n in model.parameters and n.endswith(f"_{p.unit}")

@@ -165,6 +165,15 @@ class Model:
         """
         return dataclasses.replace(self, parameters={**self.parameters, name: value})
 
+    def values_of(self, effect: str) -> dict[str, float]:
+        """Return the parameters of an effect, neutral where it is off.
+
+        Parameters
+        ----------
+        effect : name of the effect.
+        """
+        return {**effect_table.get(effect).neutral(), **self.effects.get(effect, {})}
+
     def with_effects(self, more: effect_table.Effects) -> Model:
         """Return a copy with effects added.
 
