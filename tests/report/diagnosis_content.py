@@ -55,6 +55,7 @@ CONTENT = {
             },
             "alternatives": [{"name": "wind", "log_odds": -9.1}],
             "open": False,
+            "place": "",
         }
     ],
     "located": [
@@ -127,3 +128,11 @@ CONTENT = {
     ],
     "not_tested": {"battery_sag": "needs a logged battery voltage (battery_V)"},
 }
+
+
+def without_empty(tree):
+    """Return a tree of JSON without the keys that say nothing."""
+    if isinstance(tree, dict):
+        parts = {key: without_empty(part) for key, part in tree.items()}
+        return {k: v for k, v in parts.items() if v not in (None, "", [], {}) and v is not False}
+    return [without_empty(part) for part in tree] if isinstance(tree, list) else tree

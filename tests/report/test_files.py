@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from diagnosis_content import without_empty
 
 from ges.diagnose.report.residuals import residual_table, write_residuals
 from ges.diagnose.report.saved import load_diagnosis
@@ -54,7 +55,22 @@ def test_no_value_is_null_which_some_viewers_cannot_read(traces):
 def test_a_diagnosis_is_read_from_its_folder_or_its_file(content, tmp_path):
     path = tmp_path / "diagnosis.json"
     path.write_text(json.dumps(content))
-    assert load_diagnosis(tmp_path) == load_diagnosis(path) == content
+    assert load_diagnosis(tmp_path) == load_diagnosis(path)
+    assert without_empty(load_diagnosis(path)) == without_empty(content)
+
+
+def test_keys_of_other_versions_are_kept_and_missing_ones_are_empty(content, tmp_path):
+    content["data"]["of_another_version"] = [1, {"a": None}]
+    content["findings"][0]["size"]["of_another_version"] = "x"
+    for key in ("calibration", "considered", "laws", "origin"):
+        content.pop(key, None)
+    del content["findings"][0]["title"]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(content))
+    read = load_diagnosis(tmp_path)
+    assert read["data"]["of_another_version"] == [1, {"a": None}]
+    assert read["findings"][0]["size"]["of_another_version"] == "x"
+    assert read["calibration"] == {} and read["considered"] == read["laws"] == []
+    assert read["findings"][0]["title"] == "" and read["origin"]["vehicle"]["name"] == ""
 
 
 @pytest.mark.parametrize(
@@ -83,6 +99,9 @@ def test_what_is_no_diagnosis_is_refused_in_a_sentence(tmp_path, text, sentence)
         (("findings", 0, "parameters"), []),
         (("fit", "channels", "force_x_N"), {}),
         (("considered", 0, "decisions"), "none"),
+        (("findings", 0, "size", "force_per_speed_N_s_m"), [0]),
+        (("located", 0, "regime", "forward_m_s"), "fast"),
+        (("data", "reference_scale", "force"), "heavy"),
         (("verdict",), "fine"),
         (("data",), None),
     ],

@@ -313,14 +313,14 @@ def considered_rows(content: Mapping[str, Any]) -> list[dict[str, Any]]:
     -------
     Entries of ``considered``, each with the first decision that ``failed``.
     """
-    named = {(f["name"], f.get("place", "")) for f in content["findings"]}
+    named = {(f["name"], f["place"]) for f in content["findings"]}
     rows = [
         {**c, "failed": next((d for d in c["decisions"] if not d["passed"]), None)}
-        for c in content.get("considered", ())
+        for c in content["considered"]
         # what was not compared has no probability to rank by; the page lists it as not tested
-        if (c["name"], c.get("place", "")) not in named and c["probability"] is not None
+        if (c["name"], c["place"]) not in named and c["probability"] is not None
     ]
-    return sorted(rows, key=lambda c: (-c["probability"], c["name"], c.get("place", "")))
+    return sorted(rows, key=lambda c: (-c["probability"], c["name"], c["place"]))
 
 
 def decision_words(decision: Mapping[str, Any]) -> str:
@@ -331,11 +331,11 @@ def decision_words(decision: Mapping[str, Any]) -> str:
     decision : an entry of ``decisions``.
     """
     numbers = ""
-    if decision.get("statistic") is not None:
+    if decision["statistic"] is not None:
         numbers = number_words(decision["statistic"])
-        if decision.get("threshold") is not None:
+        if decision["threshold"] is not None:
             numbers += f", asked {number_words(decision['threshold'])}"
-    because = decision.get("because") or ""
+    because = decision["because"]
     return "; ".join(part for part in (numbers, because) if part)
 
 

@@ -54,7 +54,7 @@ def compare(
     >>> [(row["name"], row["state"]) for row in table["findings"]]
     [('rotor drag', 'both'), ('ground effect', 'first only')]
     """
-    both, ahead_s = (first, second), first["fit"]["rollout"].get("horizon_s", 1.0)
+    both, ahead_s = (first, second), first["fit"]["rollout"]["horizon_s"]
     ahead = f", {number_words(ahead_s, 2)} s ahead"
     return {
         "names": list(names),
@@ -62,33 +62,30 @@ def compare(
         "heads": [
             {
                 "name": name,
-                "vehicle": c.get("origin", {}).get("vehicle", {}).get("name", ""),
-                "flights": c["data"].get("flights"),
-                "seconds": c["data"].get("seconds_used"),
+                "vehicle": c["origin"]["vehicle"]["name"],
+                "flights": c["data"]["flights"],
+                "seconds": c["data"]["seconds_used"],
                 "verdict": VERDICTS[c["verdict"]],
                 "sentence": c["sentence"],
             }
             for name, c in zip(names, both, strict=True)
         ],
         "findings": [*_findings(first, second), *_laws(first, second)],
-        "numbers": list(_numbers(*(c.get("calibration", {}) for c in both))),
+        "numbers": list(_numbers(first["calibration"], second["calibration"])),
         "errors": [
             *_errors(first["fit"]["channels"], second["fit"]["channels"], ""),
-            *_errors(_rollout_channels(first), _rollout_channels(second), ahead),
+            *_errors(*(c["fit"]["rollout"]["channels"] for c in both), ahead),
         ],
     }
 
 
 def _remarks(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
-    origins = [c.get("origin", {}) for c in (first, second)]
-    vehicles = [o.get("vehicle", {}) for o in origins]
-    if all(vehicles) and vehicles[0].get("name") != vehicles[1].get("name"):
-        yield (
-            f"The vehicles are not the same: {vehicles[0].get('name')} and"
-            f" {vehicles[1].get('name')}."
-        )
+    origins = [c["origin"] for c in (first, second)]
+    vehicles = [o["vehicle"]["name"] for o in origins]
+    if all(vehicles) and vehicles[0] != vehicles[1]:
+        yield f"The vehicles are not the same: {vehicles[0]} and {vehicles[1]}."
     # by content, not by name: every session may have its flight1
-    hashes = [{f.get("sha256") for f in o.get("flights", ())} - {None} for o in origins]
+    hashes = [{f["sha256"] for f in o["flights"]} - {None} for o in origins]
     same = hashes[0] & hashes[1]
     if same:
         count = f"{len(same)} of the flights are" if len(same) > 1 else "One of the flights is"
@@ -110,7 +107,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
     """
     # by place, too: a loss at rotor 3 is another finding than one at rotor 4
     findings = [
-        {(f["name"], f.get("place", "")): f for f in c["findings"]} for c in (first, second)
+        {(f["name"], f["place"]): f for f in c["findings"]} for c in (first, second)
     ]
     for key in dict.fromkeys([*findings[0], *findings[1]]):
         pair = [f.get(key) for f in findings]
@@ -118,7 +115,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
         parameters = dict.fromkeys(name for f in pair if f for name in f["parameters"])
         yield {
             "name": plain(key[0]) + (f", {key[1]}" if key[1] else ""),
-            "title": named.get("title", ""),
+            "title": named["title"],
             "state": "both" if all(pair) else "first only" if pair[0] else "second only",
             "each": [_finding_words(f, c, key) for f, c in zip(pair, (first, second), strict=True)],
             "parameters": [_parameter(name, pair) for name in parameters],
@@ -127,7 +124,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
 
 def _laws(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the same for laws: one row for each channel, terms as parameters."""
-    laws = [{law["channel"]: law for law in c.get("laws", ())} for c in (first, second)]
+    laws = [{law["channel"]: law for law in c["laws"]} for c in (first, second)]
     for channel in dict.fromkeys([*laws[0], *laws[1]]):
         pair = [by.get(channel) for by in laws]
         terms = [
@@ -153,11 +150,11 @@ def _finding_words(
 ) -> str:
     """Return a finding in a few words; how probable it was where it is absent."""
     if f is None:
-        considered = {(c["name"], c.get("place", "")): c for c in content.get("considered", ())}
+        considered = {(c["name"], c["place"]): c for c in content["considered"]}
         chance = considered.get(key, {}).get("probability")
         return "not named" + ("" if chance is None else f" ({probability_words(chance)})")
     chance = f"probability {probability_words(f['probability'])}"
-    parts = [size_words(f, content), chance, "open" if f.get("open") else ""]
+    parts = [size_words(f, content), chance, "open" if f["open"] else ""]
     return "; ".join(p for p in parts if p)
 
 
@@ -198,10 +195,6 @@ def _numbers(
             "unit": unit_words(ParameterKey.of(key).parameter),
             **_values([c.get(key) for c in (first, second)]),
         }
-
-
-def _rollout_channels(content: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
-    return (content["fit"].get("rollout") or {}).get("channels", {})
 
 
 def _errors(

@@ -72,7 +72,7 @@ def _overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
         table = table_of("effect", "probability", "", numbers=NUMBERS)
         for f in content["findings"]:
             table.add_row(
-                _effect(f), probability_words(f["probability"]), "open" if f.get("open") else ""
+                _effect(f), probability_words(f["probability"]), "open" if f["open"] else ""
             )
         yield table
     rows = considered_rows(content)
@@ -92,9 +92,9 @@ def _overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
                 _effect(c), probability_words(c["probability"]), *_decision_cells(c["failed"])
             )
         yield table
-    elif "considered" not in content:
+    elif not content["considered"]:
         yield Text("\nthis diagnosis keeps no record of its decisions; diagnose the flights again")
-    if content.get("not_tested"):
+    if content["not_tested"]:
         yield Text("\nnot tested", style="bold")
         table = table_of("effect", "what it would need")
         for name, why in content["not_tested"].items():
@@ -107,9 +107,9 @@ def _decision_cells(decision: Mapping[str, Any] | None) -> tuple[str, str, str, 
         return "none", "", "", ""
     return (
         plain(decision["rule"]),
-        _number(decision.get("statistic")),
-        _number(decision.get("threshold")),
-        decision.get("because") or "",
+        _number(decision["statistic"]),
+        _number(decision["threshold"]),
+        decision["because"],
     )
 
 
@@ -118,28 +118,27 @@ def _number(value: float | None) -> str:
 
 
 def _effect(entry: Mapping[str, Any]) -> str:
-    place = entry.get("place")
-    return plain(entry["name"]) + (f", {place}" if place else "")
+    return plain(entry["name"]) + (f", {entry['place']}" if entry["place"] else "")
 
 
 def _as_named(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
     for f in (f for f in content["findings"] if f["name"] == name):
-        state = "open: this or another" if f.get("open") else "named"
+        state = "open: this or another" if f["open"] else "named"
         yield Text(f"\n{_effect(f)}: {state}, probability {probability_words(f['probability'])}")
         if f["alternatives"]:
             others = ", ".join(
                 f"{_effect(a)} {odds_words(a['log_odds'])}" for a in f["alternatives"]
             )
             yield Text(f"instead of it: {others}")
-        if law := f.get("rival_law"):
+        if law := f["rival_law"]:
             form = f"{law['channel']} = {law['form']}"
             yield Text(f"or a law of as many numbers: {form}, {odds_words(law['log_odds'])}")
 
 
 def _as_considered(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
-    named = {(f["name"], f.get("place", "")) for f in content["findings"]}
-    for c in (c for c in content.get("considered", ()) if c["name"] == name):
-        if (name, c.get("place", "")) not in named:
+    named = {(f["name"], f["place"]) for f in content["findings"]}
+    for c in (c for c in content["considered"] if c["name"] == name):
+        if (name, c["place"]) not in named:
             chance = probability_words(c["probability"])
             yield Text(f"\n{_effect(c)}: considered and not named, probability {chance}")
         table = table_of("rule", "", "statistic", "asked", "why", numbers=NUMBERS)
@@ -150,15 +149,15 @@ def _as_considered(content: Mapping[str, Any], name: str) -> Iterator[Renderable
 
 
 def _limits(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
-    why = content.get("not_tested", {}).get(name)
+    why = content["not_tested"].get(name)
     if why:
         yield Text(f"\nnot tested: {why}")
     limit = content["detectable"].get(name)
     if limit:
-        unit = "" if limit.get("unit") in (None, "1") else f" {limit['unit']}"
+        unit = "" if limit["unit"] in ("", "1") else f" {limit['unit']}"
         rival = (
             f", hardest to tell from {plain(limit['limited_by'])}"
-            if limit.get("limited_by")
+            if limit["limited_by"]
             else ""
         )
         smallest = limit["smallest"]

@@ -11,35 +11,59 @@ from pydantic import BaseModel, Field, ValidationError
 from ges.errors import GesError
 
 Interval = tuple[float | None, float | None]
+Regime = dict[str, tuple[float, float]]
 
 
-class _Parameter(BaseModel):
+class _Part(BaseModel, extra="allow"):
+    """A part of diagnosis.json; keys that this version does not read are kept."""
+
+
+class _Parameter(_Part):
     value: float
     ci95: Interval
     unit: str
 
 
-class _Rival(BaseModel):
+# with a default: what some diagnoses, or those of older versions, do not write
+class _Rival(_Part):
     name: str
+    log_odds: float
+    place: str = ""
+
+
+class _Size(_Part):
+    value: float | None = None
+    unit: str = ""
+    share_of_weight: float | None = None
+    channel: str = ""
+    force_per_speed_N_s_m: float | None = None
+
+
+class _RivalLaw(_Part):
+    channel: str
+    form: str
     log_odds: float
 
 
-class _Finding(BaseModel):
+class _Nothing(BaseModel, extra="forbid"):
+    """An empty mapping."""
+
+
+class _Finding(_Part):
     name: str
     kind: Literal["physics", "parameter", "sensor"]
     probability: float | None
     equation: str
     parameters: dict[str, _Parameter]
-    size: dict[str, Any]
+    size: _Size
     alternatives: list[_Rival]
-    # with a default: what older versions did not write
     title: str = ""
     place: str = ""
     open: bool = False
-    rival_law: dict[str, Any] = {}
+    rival_law: _RivalLaw | _Nothing = _Nothing()
 
 
-class _Decision(BaseModel):
+class _Decision(_Part):
     rule: str
     passed: bool
     statistic: float | None = None
@@ -47,32 +71,34 @@ class _Decision(BaseModel):
     because: str = ""
 
 
-class _Considered(BaseModel):
+class _Considered(_Part):
     name: str
     place: str = ""
     probability: float | None
     decisions: list[_Decision]
 
 
-class _LawTerm(BaseModel):
+class _Structure(_Part):
+    channel: str
+    regime: Regime
+
+
+class _LawTerm(_Part):
     term: str
     coefficient: float
     ci95: Interval
 
 
-class _LawInWords(BaseModel):
-    channel: str
+class _LawInWords(_Structure):
     form: str
     terms: list[_LawTerm]
-    regime: dict[str, Any]
-    size: dict[str, Any]
+    size: _Size
     reads_as: str
 
 
-class _Errors(BaseModel):
+class _Errors(_Part):
     before: float
     recalibrated: float
-    names_only: float | None = None
     after: float
 
 
@@ -80,59 +106,64 @@ class _ChannelErrors(_Errors):
     reduction_ci95: Interval
 
 
-class _Rollout(BaseModel):
-    horizon_s: float = 0.0
+class _Rollout(_Part):
+    horizon_s: float = 1.0
     channels: dict[str, _Errors] = {}
 
 
-class _Fit(BaseModel):
+class _Fit(_Part):
     holdout_flights: list[str]
     channels: dict[str, _ChannelErrors]
     rollout: _Rollout
 
 
-class _Correction(BaseModel):
+class _Correction(_Part):
     value: float
     ci95: Interval
     declared_sd: float | None
 
 
-class _File(BaseModel):
+class _File(_Part):
     name: str = ""
     sha256: str | None = None
 
 
-class _Origin(BaseModel):
-    vehicle: _File = Field(default_factory=_File)
+class _Origin(_Part):
+    vehicle: _File = _File()
     flights: list[_File] = []
 
 
-class _Detectable(BaseModel):
+class _Detectable(_Part):
     parameter: str
     smallest: float | None
     unit: str = ""
+    limited_by: str = ""
 
 
-class _Saved(BaseModel):
-    """Keys of diagnosis.json that this version reads; others are kept and ignored."""
+class _Data(_Part):
+    flights: int | None = None
+    seconds_used: float | None = None
+    reference_scale: dict[str, float] = {}
 
+
+class _Saved(_Part):
     version: Literal[1] = Field(alias="schema")
     verdict: Literal[
         "nothing_proven", "parameter", "sensor", "physics", "ambiguous", "law", "unknown"
     ]
     sentence: str
     findings: list[_Finding]
-    located: list[dict[str, Any]]
+    located: list[_Structure]
     laws: list[_LawInWords] = []
-    unexplained: list[dict[str, Any]]
+    unexplained: list[_Structure]
     fit: _Fit
     detectable: dict[str, _Detectable]
     next_flight: dict[str, Any]
-    data: dict[str, Any]
+    data: _Data
     calibration: dict[str, _Correction] = {}
     considered: list[_Considered] = []
     not_tested: dict[str, str] = {}
-    origin: _Origin = Field(default_factory=_Origin)
+    origin: _Origin = _Origin()
 
 
 def load_diagnosis(folder: str | Path) -> dict[str, Any]:
@@ -144,7 +175,8 @@ def load_diagnosis(folder: str | Path) -> dict[str, Any]:
 
     Returns
     -------
-    The content of diagnosis.json, see :meth:`ges.diagnose.report.diagnosis.Diagnosis.content`.
+    The content of diagnosis.json, see :meth:`ges.diagnose.report.diagnosis.Diagnosis.content`. A
+    key that older versions did not write is empty.
 
     Raises
     ------
@@ -174,7 +206,7 @@ def load_diagnosis(folder: str | Path) -> dict[str, Any]:
     except (json.JSONDecodeError, RecursionError) as error:
         raise GesError(f"{path} is not JSON: {error}; diagnose the flights again") from None
     try:
-        _Saved.model_validate(content)
+        saved = _Saved.model_validate(content)
     except ValidationError as error:
         # one sentence: the first alone
         first = error.errors()[0]
@@ -183,4 +215,4 @@ def load_diagnosis(folder: str | Path) -> dict[str, Any]:
             f"{path} is no diagnosis that this version reads ({place}: {first['msg'].lower()});"
             " diagnose the flights again"
         ) from None
-    return content
+    return saved.model_dump(mode="json", by_alias=True)
