@@ -171,6 +171,16 @@ def test_ardupilot_arrives_in_the_contracts_frames(tmp_path, motion, ned):
     assert not _agree(frame)
 
 
+def test_ardupilot_messages_of_no_length_are_skipped(tmp_path, motion, ned):
+    path = _ardupilot(tmp_path / "f.bin", motion, ned)
+    whole = path.read_bytes()
+    length = whole.index(b"XKF1") - 1
+    path.write_bytes(whole[:length] + b"\x00" + whole[length + 1 :])
+    # without a velocity, and not read without an end
+    frame = open_log(path).frame()
+    assert "q_w" in frame and "v_x_m_s" not in frame
+
+
 def test_ardupilot_rotor_speeds_against_the_commands_are_refused(tmp_path, motion, ned):
     def rpm(order):
         return {k: 8000 * np.sqrt(motion["u"][:, m]) for k, m in enumerate(order)}

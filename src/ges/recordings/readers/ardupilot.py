@@ -8,12 +8,14 @@ front right, 2 rear left, 3 front left, 4 rear right).
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
 import os
 import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,8 @@ from ges.vehicle import layouts
 from ges.vehicle.layouts import LAYOUTS
 
 _MAGIC, _TEXT = b"\xa3\x95", b"FMT,"
+_HEADER = 3
+"""Bytes of a message before its fields."""
 
 # Message -> fields that are read; those that a log lacks are left out. An instance is told by one
 # of _INSTANCES, or by a number behind the name in older logs.
@@ -168,10 +172,26 @@ def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...]
     return tables
 
 
-def _open(path: Path) -> _Log:
+@functools.cache
+def _dfreader() -> ModuleType:
+    """Return the module of pymavlink that reads logs."""
     # its fast indexer prints what it finds damaged past sys.stderr
     os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
     dfreader = optional_module("pymavlink.DFReader", "ardupilot", "ArduPilot logs")
+
+    class Format(dfreader.DFFormat):
+        """A message's format that is no shorter than its header."""
+
+        # of a length of 0, as a damaged byte may say, the reader never comes to the next message
+        def __init__(self, number, name, length, *rest, **more):
+            super().__init__(number, name, max(length, _HEADER), *rest, **more)
+
+    dfreader.DFFormat = Format
+    return dfreader
+
+
+def _open(path: Path) -> _Log:
+    dfreader = _dfreader()
     with path.open("rb") as file:
         binary = file.read(2) == _MAGIC
     log = _Log(path.stem)
