@@ -370,6 +370,23 @@ def _secant_share(share: float, before: np.ndarray, now: np.ndarray) -> float:
     return share / max(1.0 - rest, 0.5)
 
 
+def _interpolated_share(share: float, promised: float, risen: float) -> float:
+    """Return the share of a step at which a parabola through what it cost is least.
+
+    Parameters
+    ----------
+    share : that was taken.
+    promised : fall of the cost over the whole step, by the linearisation.
+    risen : by how much the cost is higher after that share of it.
+
+    References
+    ----------
+    Nocedal and Wright 2006, *Numerical Optimization*, section 3.5. Less than half of the share, and
+    no less than a tenth.
+    """
+    return max(promised * share**2 / (risen + 2.0 * promised * share), 0.1 * share)
+
+
 def polish(
     like: System,
     values: effect_table.Effects,
@@ -393,7 +410,7 @@ def polish(
 
     Notes
     -----
-    A step that costs more than it saves is halved, until it promises no difference. After a far
+    A step that costs more than it saves is shortened, until it promises no difference. After a far
     start the noise is estimated again, and kept where it makes the flights likelier: noise and
     parameters in turn climb one likelihood.
     """
@@ -433,12 +450,13 @@ def polish(
 
     for _ in range(settings.numerics.fit_rounds):
         there, system = linearised(values, first)
-        # a step that promised more than it kept: half of it, from the best point so far. A cost of
+        # a step that promised more than it kept: less of it, from the best point so far. A cost of
         # one is that of one sd, and less than columns that are secants tell
         if at and first and there.cost > at.cost + 1.0:
-            share = 0.5 * taken
+            promised = at.cost - at.joint.cost
+            share = _interpolated_share(taken, promised, there.cost - at.cost)
             # along the step the linearisation's cost is a parabola
-            if share * (2.0 - share) * (at.cost - at.joint.cost) < 1.0:
+            if share * (2.0 - share) * promised < 1.0:
                 break
         else:
             at, first, flown = there, first or there, system
