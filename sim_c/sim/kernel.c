@@ -37,7 +37,7 @@ typedef struct {
   int any_preview;
   const double *inputs[GES_W];
   int n_inputs[GES_W];
-  vd inputs_dt;
+  vd inputs_dt, inputs_start;
 } task_t;
 
 /* Where lanes are in their input tables: the row, numbers from there to the next one, and how far on the way to it. */
@@ -130,6 +130,7 @@ static void load_task(task_t *t, const double *const *p, ges_flight *const *flig
   t->preview = column(p, P_preview_s);
   t->any_preview = any(GT(t->preview, all_lanes(0.0)));
   t->inputs_dt = column(p, P_inputs_dt_s);
+  t->inputs_start = column(p, P_inputs_start_s);
   for (int i = 0; i < GES_W; i++) {
     t->inputs[i] = flights[i]->inputs;
     t->n_inputs[i] = flights[i]->n_inputs;
@@ -225,7 +226,7 @@ static void seed_streams(stream_t *stream, const double *const *p) {
 
 /* Held before the first and after the last row. */
 static void find_place(const task_t *task, int width, vd t, place_t *at) {
-  vd row = t / task->inputs_dt + 1e-9;
+  vd row = (t - task->inputs_start) / task->inputs_dt + 1e-9;
   at->alike = 1;
   for (int i = 0; i < GES_W; i++) {
     int last = task->n_inputs[i] - 1;
@@ -479,6 +480,12 @@ static void impose_commands(lanes_t *l, vd *y) {
   (void)y;
   find_replayed(l);
   for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = input(&l->place, i, 1);
+}
+
+static void impose_commands_between(lanes_t *l, vd *y) {
+  (void)y;
+  find_replayed(l);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = input(&l->place, i, 0);
 }
 
 static void impose_speeds(lanes_t *l, vd *y) {

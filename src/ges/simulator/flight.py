@@ -39,7 +39,7 @@ def controllers() -> list[str]:
     Examples
     --------
     >>> controllers()
-    ['firmware', 'replayed_commands', 'replayed_speeds']
+    ['firmware', 'replayed_commands', 'replayed_speeds', 'interpolated_commands']
     """
     return list(_controller_inputs())
 
@@ -87,7 +87,7 @@ class Flight:
         may be a name of :func:`modes`, ``control`` one of :func:`controllers`.
     effects : parameters by effect; defaults elsewhere.
     terrain : ground; by default procedural, from the flight's seed.
-    inputs : input table (n, k), its rows ``inputs_dt_s`` apart from t = 0; see notes.
+    inputs : input table (n, k), its rows ``inputs_dt_s`` apart from ``inputs_start_s``; see notes.
 
     Notes
     -----
@@ -97,8 +97,8 @@ class Flight:
     acceleration (3, m/s^2), yaw (rad), angular acceleration about the body axes (3, rad/s^2),
     vertical acceleration (m/s^2).
 
-    For ``replayed_commands`` and ``replayed_speeds``, n_rotors + 8: commands (0 to 1) or rotor
-    speeds (rad/s), attitude (4, body to world), battery (V), body rates (3, rad/s).
+    For the others, n_rotors + 8: commands (0 to 1), for ``replayed_speeds`` rotor speeds (rad/s),
+    attitude (4, body to world), battery (V), body rates (3, rad/s).
 
     Examples
     --------

@@ -379,6 +379,7 @@ def evaluate_columns(
     here: Sequence[str],
     base: Evaluation,
     columns: Sequence[DesignColumn],
+    drives: Mapping[str, Drive],
 ) -> list[dict[int, np.ndarray]]:
     """Compute the columns of one flight: minus the residual's change per unit of a coefficient.
 
@@ -389,14 +390,14 @@ def evaluate_columns(
     names, here : channels of the system, and those of them that the flight has.
     base : evaluation of the model.
     columns : to compute.
+    drives : of :func:`fly_drives_of_columns`.
 
     Returns
     -------
     Each column by the numbers of the channels that it acts on, (m,).
     """
-    # drives of all columns are flown as one batch; what remembers its path goes as many at a time
-    # as the simulator has lanes, for a replay of a long flight is large
-    drives = _fly_additions(flight, model, here, _additions(model, columns))
+    # what remembers its path goes as many at a time as the simulator has lanes, for a replay of a
+    # long flight is large
     evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
     changes: list[dict[int, np.ndarray]] = []
     for first in range(0, len(columns), MOST_LANES):
@@ -417,20 +418,36 @@ def _additions(model: Model, columns: Iterable[DesignColumn]) -> dict[str, dict]
     return {repr(e): e for e in added if e}
 
 
-def _fly_additions(
-    flight: Prepared, model: Model, here: Sequence[str], added: Mapping[str, dict]
-) -> dict[str, Drive]:
-    """Return drives under the additions, flown as one batch."""
+def fly_drives_of_columns(
+    flight: Prepared,
+    model: Model,
+    here: Sequence[str],
+    columns: Sequence[DesignColumn],
+    drive: Drive | None,
+) -> tuple[Drive, dict[str, Drive]]:
+    """Fly the drive of a model and of all that its columns add, as one batch.
+
+    Parameters
+    ----------
+    flight, model : whose commands are flown.
+    here : channels of the flight.
+    columns : to compute.
+    drive : of the model, where it is known.
+
+    Returns
+    -------
+    The model's drive, and those under additions by their text.
+    """
     sets = {
-        name: model.with_effects(e).effects
-        for name, e in added.items()
+        text: model.with_effects(e).effects
+        for text, e in _additions(model, columns).items()
         if affects_drive(e, model.effects)
     }
-    return (
-        dict(zip(sets, fly_drives(flight, model, list(sets.values()), here), strict=True))
-        if sets
-        else {}
-    )
+    flown = [] if drive else [model.effects]
+    drives = fly_drives(flight, model, [*flown, *sets.values()], here) if flown or sets else []
+    if drive is None:
+        drive, *drives = drives
+    return drive, dict(zip(sets, drives, strict=True))
 
 
 def _replay_additions(

@@ -32,7 +32,7 @@ def commanded_speeds(
     By flight, (n, rotors) rad/s.
     """
     return _fly_motors(
-        [(f, effects, _drive_inputs(f, model, motor_commands(f, model, effects))) for f in flights],
+        [(f, effects, _drive_inputs(f, motor_commands(f, model, effects))) for f in flights],
         model,
     )
 
@@ -51,7 +51,7 @@ def _commanded_speeds_of_each(
         key = repr(e) if _command_modifiers(e) else ""
         if key not in tables:
             commands = motor_commands(flight, model, e if key else {})
-            tables[key] = _drive_inputs(flight, model, commands)
+            tables[key] = _drive_inputs(flight, commands)
         batch.append((flight, e, tables[key]))
     return _fly_motors(batch, model)
 
@@ -110,15 +110,13 @@ def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects
     return output.rotor_command_rad_s / model.number("max_rotor_speed_rad_s")
 
 
-def _drive_inputs(flight: Prepared, model: Model, commands: np.ndarray) -> np.ndarray:
-    """Return commands, attitude, battery voltage and rates, one row for each step of the drive."""
-    every = flight.steps(settings.numerics.step_s)
-    u = _at_step_middles(commands, every, flight.command_hold.delay_rows)
-    voltage = flight.columns.get("battery_V", np.full(len(flight.t_s), np.nan))
-    rotors = u.shape[1]
+def _drive_inputs(flight: Prepared, commands: np.ndarray) -> np.ndarray:
+    """Return commands, attitude, battery voltage and rates, one row for each of the log."""
+    n, rotors = commands.shape
     # motors alone are flown: attitude is imposed level and at rest
-    inputs = np.zeros((len(u), rotors + 8))
-    inputs[:, :rotors], inputs[:, rotors], inputs[:, rotors + 4] = u, 1.0, np.repeat(voltage, every)
+    inputs = np.zeros((n, rotors + 8))
+    inputs[:, :rotors], inputs[:, rotors] = commands, 1.0
+    inputs[:, rotors + 4] = flight.columns.get("battery_V", np.full(n, np.nan))
     return inputs
 
 
@@ -133,6 +131,7 @@ def _drive_flight(
         if not effect_table.get(name).modifies
     }
     every, n = flight.steps(settings.numerics.step_s), len(flight.t_s)
+    step_s = flight.dt_s / every
     # rotors start as they were logged; else what they did before is unknown, and they start where
     # the first command has them
     logged = flight.has("rotor_speed")
@@ -146,28 +145,21 @@ def _drive_flight(
     numbers = {
         **model.parameters,
         **first,
-        "control": 1,
+        "control": "interpolated_commands",
         "attitude_imposed": 1,
         "start": 1,
         "start_p_z_m": FAR_FROM_GROUND_M,
-        "inputs_dt_s": flight.dt_s / every,
-        "dt_s": flight.dt_s / every,
+        # a step takes the commands of its middle; those that are held act later, see
+        # :func:`~.delays.estimate_command_hold`
+        "inputs_start_s": flight.command_hold.delay_rows * flight.dt_s - 0.5 * step_s,
+        "inputs_dt_s": flight.dt_s,
+        "dt_s": step_s,
         "record_every": every,
         "control_every": every,
         "telemetry_every": every,
         "duration_s": n * flight.dt_s,
     }
     return sim.Flight(numbers, drives, Terrain.flat(), inputs)
-
-
-def _at_step_middles(u: np.ndarray, every: int, delay_rows: float) -> np.ndarray:
-    """Return commands (n * every, rotors) at the middles of the steps, ``delay_rows`` late.
-
-    They are interpolated between the samples (n, rotors). Commands that are held act later, see
-    :func:`~.delays.estimate_command_hold`.
-    """
-    rows = (np.arange(len(u) * every) + 0.5) / every - delay_rows
-    return np.stack([np.interp(rows, np.arange(len(u)), column) for column in u.T], axis=1)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,6 +12,7 @@ from ges.diagnose.design.columns import (
     Nuisance,
     column_parts,
     evaluate_columns,
+    fly_drives_of_columns,
     nuisance_of,
     nuisance_with_prior,
     nuisances,
@@ -293,12 +294,15 @@ def flight_rows(
     air = windows.within(flight.flying)
     driven = np.array([block_of(name) == "drive" for name in names])
     here = _channels_of_flight(flight, windows, model, names)
-    base = evaluate(flight, windows, model, here, drive=drive)
-    y = _in_all_channels(names, here, base)
     # parts of one column are made of the same: computed once, and not at all where it is known
     computed, by_recipe = computed_columns or {}, {c.recipe: c for c in columns}
     new = {recipe: c for recipe, c in by_recipe.items() if recipe not in computed}
-    changes = evaluate_columns(flight, windows, model, names, here, base, list(new.values()))
+    drive, drives = fly_drives_of_columns(flight, model, here, list(new.values()), drive)
+    base = evaluate(flight, windows, model, here, drive=drive)
+    y = _in_all_channels(names, here, base)
+    changes = evaluate_columns(
+        flight, windows, model, names, here, base, list(new.values()), drives
+    )
     values = {**computed, **dict(zip(new, changes, strict=True))}
     x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
     # a beam that tilted a little further would see no ground
