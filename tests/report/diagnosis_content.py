@@ -67,6 +67,7 @@ CONTENT = {
             "mean": -0.8,
         },
     ],
+    "laws": [],
     "unexplained": [
         {"channel": "force_z", "regime": {"height_over_radius": [0.5, 2.0]}, "r2": 0.31},
     ],

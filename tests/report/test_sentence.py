@@ -123,6 +123,22 @@ def test_no_gain_is_said_too(content):
     assert sentence_of(content).endswith("on flights that took no part, no error falls.")
 
 
+def test_an_error_that_falls_elsewhere_is_no_gain(content):
+    law = {
+        "channel": "moment_z",
+        "form": "0.12 m g L (V_y/v_h)",
+        "size": {"channel": "moment_z", "value": 0.03, "unit": "N m", "share_of_weight": 0.03},
+    }
+    moment = {"before": 1e-4, "recalibrated": 1.2e-4, "after": 1.3e-4, "reduction_ci95": [-0.2, 0]}
+    content["fit"]["channels"]["moment_z_Nm"] = moment
+    content["data"]["reference_scale"]["moment"] = 1.0
+    told = sentence_of({**content, "findings": [], "laws": [law], "verdict": "law"})
+    assert told.endswith("on flights that took no part, nothing of it shows.")
+    moment["before"] = 0.1
+    told = sentence_of({**content, "findings": [], "laws": [law], "verdict": "law"})
+    assert "position x 1 s ahead" in told
+
+
 def _unseen(before, recalibrated, after, interval):
     stages = {"before": before, "recalibrated": recalibrated, "after": after}
     return {**stages, "reduction_ci95": interval}

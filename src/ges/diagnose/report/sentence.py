@@ -174,8 +174,14 @@ def _sureness(findings: Sequence[Mapping]) -> str:
 def _gain(content: Mapping[str, Any]) -> str:
     """Return what the findings are worth on held-out flights.
 
-    The position that gains most a second ahead, else the channel that does.
+    The position that gains most a second ahead, else the channel that does. What falls elsewhere
+    speaks for nothing where they have no error in the channels of the findings.
     """
+    table, scale = content["fit"].get("channels", {}), content["data"].get("reference_scale", {})
+    acting = {f["size"].get("channel") for f in (*content["findings"], *content["laws"])}
+    shown = {n for n in table if without_unit(n) in acting}
+    if shown and shown <= set(error_rows(table, scale)[1]):
+        return "nothing of it shows"
     rolled = content["fit"].get("rollout") or {}
     # metres off a second ahead say more to an engineer than newtons of a residual
     places = {n: c for n, c in rolled.get("channels", {}).items() if unit_words(n) == "m"}
@@ -186,7 +192,7 @@ def _gain(content: Mapping[str, Any]) -> str:
             f"{channel_words(name)} {number_words(rolled['horizon_s'], 1)} s ahead is"
             f" {number_words(c['after'], 2)} m off, not {number_words(c['recalibrated'], 2)} m"
         )
-    best = _best(content["fit"].get("channels", {}))
+    best = _best(table)
     if best:
         name, c = best
         share = percent_words(1.0 - c["after"] / c["recalibrated"])
