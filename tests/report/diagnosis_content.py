@@ -120,7 +120,12 @@ CONTENT = {
         "warnings": ["one <b> has two clocks", "two has two clocks"],
     },
     "calibration": {
-        "thrust_scale.scale": {"value": 0.01, "ci95": [0.0, 0.02], "declared_sd": 0.03},
+        "thrust_scale.scale": {
+            "value": 0.01,
+            "ci95": [0.0, 0.02],
+            "declared_sd": 0.03,
+            "prior_sd": 0.03,
+        },
     },
     "considered": [
         {"name": "rotor_drag", "place": "", "probability": 0.97, "decisions": DECISIONS[:1]},

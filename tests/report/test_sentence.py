@@ -84,7 +84,7 @@ def test_a_correction_has_the_unit_of_its_number(content):
 
 
 def test_a_contradicted_number_without_a_finding_is_named(content):
-    far = {"value": 304.0, "ci95": [299.0, 309.0], "declared_sd": 60.0}
+    far = {"value": 304.0, "ci95": [299.0, 309.0], "declared_sd": 60.0, "prior_sd": 60.0}
     content |= {
         "findings": [],
         "verdict": "parameter",

@@ -16,7 +16,6 @@ from ges.diagnose.design.table import Indices
 from ges.diagnose.settings import settings
 from ges.threads import each
 
-
 CACHED = 2**15
 """Numbers of a channel that are whitened together, so that they stay in the processor's cache."""
 

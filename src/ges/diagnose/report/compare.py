@@ -106,9 +106,7 @@ def _findings(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[d
     parameter with the overlap of their intervals.
     """
     # by place, too: a loss at rotor 3 is another finding than one at rotor 4
-    findings = [
-        {(f["name"], f["place"]): f for f in c["findings"]} for c in (first, second)
-    ]
+    findings = [{(f["name"], f["place"]): f for f in c["findings"]} for c in (first, second)]
     for key in dict.fromkeys([*findings[0], *findings[1]]):
         pair = [f.get(key) for f in findings]
         named = next(f for f in pair if f)

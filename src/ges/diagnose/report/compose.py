@@ -98,7 +98,8 @@ def compose_diagnosis(
     # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, explanation.last.model)
     unexplained = unexplained_entries(unexplained_structures)
-    calibration = calibration_of(explanation.last.joint, problem.model)
+    last = explanation.last
+    calibration = calibration_of(last.joint, last.regression.system, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, explanation.last.model)
     warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"], problem.model)]

@@ -93,19 +93,26 @@ def data_used(
     }
 
 
-def calibration_of(joint: JointFit, model: Model) -> dict[str, dict]:
+def calibration_of(joint: JointFit, system: System, model: Model) -> dict[str, dict]:
     """Return ``calibration``: corrections of the nominal parameters with their prior sds.
 
     Parameters
     ----------
     joint : of the last fit, corrections counted from the vehicle file.
+    system : that was fitted.
     model : of the vehicle file.
+
+    Notes
+    -----
+    ``declared_sd`` is of the file, ``prior_sd`` with what the recording adds: commands that are
+    held for an unknown time leave a lag uncertain.
     """
     return {
         key: {
             "value": value,
             "ci95": list(interval95(value, joint.common_sd[key])),
             "declared_sd": model.prior_sds.get(key),
+            "prior_sd": system.prior_sd(key) if key in model.prior_sds else None,
         }
         for key, value in joint.common.items()
     }

@@ -156,9 +156,7 @@ def _limits(content: Mapping[str, Any], name: str) -> Iterator[RenderableType]:
     if limit:
         unit = "" if limit["unit"] in ("", "1") else f" {limit['unit']}"
         rival = (
-            f", hardest to tell from {plain(limit['limited_by'])}"
-            if limit["limited_by"]
-            else ""
+            f", hardest to tell from {plain(limit['limited_by'])}" if limit["limited_by"] else ""
         )
         smallest = limit["smallest"]
         size = (

@@ -110,7 +110,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     ]
     # corrections are counted from the vehicle file, so the nominal value lies at zero
     for key, p in content["calibration"].items():
-        if p["declared_sd"]:
+        if p["prior_sd"]:
             rows.append(
                 {
                     "label": key,
@@ -118,7 +118,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
                     "ci95": p["ci95"],
                     "unit": _unit(key),
                     "nominal": 0.0,
-                    "prior_sd": p["declared_sd"],
+                    "prior_sd": p["prior_sd"],
                 }
             )
     return rows

@@ -121,6 +121,7 @@ class _Correction(_Part):
     value: float
     ci95: Interval
     declared_sd: float | None
+    prior_sd: float | None = None
 
 
 class _File(_Part):

@@ -233,9 +233,9 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
 
 def _largest_correction(content: Mapping[str, Any]) -> str:
     """Return the number that recalibration moved farthest over its prior sd; '' within two."""
-    # a correction counts by the sd that the file states; one without contradicts nothing
-    rows = {k: c for k, c in content["calibration"].items() if c["declared_sd"]}
-    far = {k: abs(c["value"]) / c["declared_sd"] for k, c in rows.items()}
+    # a correction counts by its prior sd; one without contradicts nothing
+    rows = {k: c for k, c in content["calibration"].items() if c["prior_sd"]}
+    far = {k: abs(c["value"]) / c["prior_sd"] for k, c in rows.items()}
     key = max(far, key=lambda k: far[k], default=None)
     if key is None or far[key] < SDS_95:
         return ""
