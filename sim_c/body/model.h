@@ -15,7 +15,8 @@ enum { Y_P = 0, Y_V = 3, Y_Q = 6, Y_OMEGA = 10, Y_SPEED = 13, Y_X = Y_SPEED + GE
 typedef struct {
   vd mass, inertia[3], rho, gravity, thrust_coefficient, torque_coefficient, motor_lag, speed_max;
   vd battery_nominal, gear_height, gear_stiffness, gear_damping, gear_friction;
-  vd hub[GES_ROTORS][3], radius[GES_ROTORS], spin[GES_ROTORS];
+  vd hub[3][GES_ROTORS]; /* each coordinate of all rotors, for rotors side by side */
+  vd radius[GES_ROTORS], spin[GES_ROTORS];
 #if GES_GENERAL
   int rotors;
   vd axis[GES_ROTORS][3], thrust_share[GES_ROTORS], torque_share[GES_ROTORS], lag_share[GES_ROTORS];
@@ -47,7 +48,7 @@ static inline void load_rotors(vehicle_t *b, const double *const *p) {
   b->rotors = (int)p[0][P_rotors];
 #endif
   for (int i = 0; i < ROTORS_OF(b); i++) {
-    for (int k = 0; k < 3; k++) b->hub[i][k] = column(p, P_rotor_1_x_m + i * stride + k);
+    for (int k = 0; k < 3; k++) b->hub[k][i] = column(p, P_rotor_1_x_m + i * stride + k);
     b->radius[i] = column(p, P_rotor_1_radius_m + i * stride);
     b->spin[i] = column(p, P_rotor_1_spin + i * stride);
 #if GES_GENERAL
@@ -95,6 +96,7 @@ static inline void rotation_matrix(const vd q[4], vd r[9]) {
 }
 
 static inline vd row_dot(const vd *r, const vd a[3]) { return r[0] * a[0] + r[1] * a[1] + r[2] * a[2]; }
+static inline vr row_dots(const vd *r, const vr a[3]) { return r[0] * a[0] + r[1] * a[1] + r[2] * a[2]; }
 static inline vd column_dot(const vd *r, int k, const vd a[3]) { return r[k] * a[0] + r[3 + k] * a[1] + r[6 + k] * a[2]; }
 
 static inline void sample_constants(const vehicle_t *b, const active_t *a, sample_t *s) {
@@ -127,17 +129,18 @@ static inline void sample_state(const vd *y, sample_t *s) {
 static inline void sample_rotors(const vehicle_t *b, ground_lanes_t *g, sample_t *s) {
   ground_move(g, s->p[0]);
   s->map = g;
-  for (int i = 0; i < ROTORS_OF(s); i++) {
-    const vd *hub = b->hub[i];
-    s->under[i] = ground_at(g, s->p[0] + row_dot(s->r, hub), s->p[1] + row_dot(s->r + 3, hub));
-    s->height[i] = s->p[2] + row_dot(s->r + 6, hub) - s->under[i].height;
-    vd w2 = s->speed[i] * s->speed[i];
-    s->thrust[i] = s->thrust_coefficient * w2;
-    s->torque[i] = s->torque_coefficient * w2;
+  for (int i = 0; i < ROTORS_OF(s); i += GES_ABREAST) {
+    vr hub[3] = {rotors_from(b->hub[0] + i), rotors_from(b->hub[1] + i), rotors_from(b->hub[2] + i)};
+    ground_wide_t under = ground_under(g, s->p[0] + row_dots(s->r, hub), s->p[1] + row_dots(s->r + 3, hub));
+    put_grounds(&s->under, i, &under);
+    put_rotors(s->height + i, s->p[2] + row_dots(s->r + 6, hub) - under.height);
+    vr speed = rotors_from(s->speed + i), w2 = speed * speed, thrust = s->thrust_coefficient * w2, torque = s->torque_coefficient * w2;
 #if GES_GENERAL
-    s->thrust[i] = s->thrust[i] * s->thrust_share[i];
-    s->torque[i] = s->torque[i] * s->torque_share[i];
+    thrust = thrust * rotors_from(s->thrust_share + i);
+    torque = torque * rotors_from(s->torque_share + i);
 #endif
+    put_rotors(s->thrust + i, thrust);
+    put_rotors(s->torque + i, torque);
   }
 }
 
@@ -175,7 +178,8 @@ static inline void start_sample(const vehicle_t *b, const active_t *a, sample_t 
   for (int i = 0; i < s->rotors; i++) s->inverse_lag_share[i] = 1.0 / b->lag_share[i];
 #endif
   sample_constants(b, a, s);
-  memcpy(s->hub, b->hub, sizeof s->hub);
+  for (int i = 0; i < ROTORS_OF(s); i++)
+    for (int k = 0; k < 3; k++) s->hub[i][k] = b->hub[k][i];
   memcpy(s->radius, b->radius, sizeof s->radius);
   memcpy(s->spin, b->spin, sizeof s->spin);
   s->battery = all_lanes(NAN);

@@ -5,7 +5,7 @@
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {
   (void)x, (void)dx;
   for (int i = 0; i < ROTORS_OF(s); i++) {
-    vd room = p[1] - (s->height[i] + s->under[i].height);
+    vd room = p[1] - (s->height[i] + s->under.height[i]);
     vd quarter = 0.25 * s->radius[i] / lane_max(room, 0.3 * s->radius[i]);
     vd u = lane_min(p[0] * quarter * quarter, all_lanes(0.8));
     add->thrust[i] += s->thrust[i] * (u / (1.0 - u));

@@ -50,7 +50,7 @@ struct sample_s {
   vd thrust[GES_ROTORS];       /* K_T w^2, N, out of ground effect */
   vd torque[GES_ROTORS];       /* K_Q w^2, N m, aerodynamic torque of each rotor */
   vd height[GES_ROTORS];       /* rotor hub over the ground, along the world vertical, m */
-  ground_t under[GES_ROTORS];  /* ground below each hub */
+  grounds_t under;             /* ground below each hub */
   vd thrust_gain[GES_ROTORS];  /* f - 1 of the effect with the hook `thrust_gain` where it is switched on, else 0 */
   vd factor[GES_ROTORS], factor_mean; /* 1 + ground-related thrust increments over thrust */
   ground_t ground;             /* below the body origin */

@@ -37,54 +37,56 @@ static vd sanchez_cuevas(const sample_t *s, int i, vd x, vd kb) {
   return 1.0 / lane_max(1.0 - images - 2.0 * kb * x * inverse_three_halves(opposite + four), all_lanes(0.2));
 }
 
-/* f - 1 of rotor i as a fraction, so that one division serves the form and the slope. */
+/* f - 1 of rotors as a fraction, so that one division serves the form and the slope. */
 typedef struct {
-  vd over, under;
+  vr over, under;
 } fraction_t;
 
 /* 1/(1-u) - 1 = (R/4)^2 / (h^2 - (R/4)^2), h held above 0.26 R. */
-static fraction_t cheeseman_bennett(vd height, vd radius) {
-  vd quarter = 0.25 * radius, h = lane_max(height, 0.26 * radius);
+static fraction_t cheeseman_bennett(vr height, vr radius) {
+  vr quarter = 0.25 * radius, h = wide_max(height, 0.26 * radius);
   return (fraction_t){quarter * quarter, h * h - quarter * quarter};
 }
 
-static fraction_t other_form(const sample_t *s, const vd *p, int i) {
+static vd other_form(const sample_t *s, const vd *p, int i) {
   vd x = (s->height[i] + p[OFFSET]) / s->radius[i];
   vd f = hayden(x);
   f = sel(GT(p[FORM], all_lanes(1.5)), sanchez_cuevas(s, i, x, p[KB]), f);
   f = sel(GT(p[FORM], all_lanes(2.5)), 1.0 + p[CA] * lane_exp(-p[DECAY] * x), f);
   vd k = p[DECAY] * x;
-  f = sel(GT(p[FORM], all_lanes(3.5)), 1.0 + p[CA] / (1.0 + k * k), f);
-  return (fraction_t){f - 1.0, all_lanes(1.0)};
+  return sel(GT(p[FORM], all_lanes(3.5)), 1.0 + p[CA] / (1.0 + k * k), f);
 }
 
 static fraction_t gain(const sample_t *s, const vd *p, int i) {
-  fraction_t g = cheeseman_bennett(s->height[i] + p[OFFSET], s->radius[i]);
+  fraction_t g = cheeseman_bennett(rotors_from(s->height + i) + p[OFFSET], rotors_from(s->radius + i));
   vl other = GT(p[FORM], all_lanes(0.5));
   if (any(other)) {
-    fraction_t o = other_form(s, p, i);
-    g.over = sel(other, o.over, g.over);
-    g.under = sel(other, o.under, g.under);
+    vr f = g.over;
+    for (int j = 0; j < GES_ABREAST; j++) set_rotor(&f, j, other_form(s, p, i + j));
+    g.over = wide_pick(other, f - 1.0, g.over);
+    g.under = wide_pick(other, all_rotors(all_lanes(1.0)), g.under);
   }
   return g;
 }
 
 /* 1 / cos(slope)^n; the usual exponents 0, 1, 2 without a general power. */
-static vd inverse_slope_factor(const ground_t *g, vd n) {
-  vd square = 1.0 + g->gx * g->gx + g->gy * g->gy;
+static vr inverse_slope_factor(vr gx, vr gy, vd n) {
+  vr square = 1.0 + gx * gx + gy * gy, power = square;
   vl one = EQ(n, all_lanes(1.0)), two = EQ(n, all_lanes(2.0)), zero = EQ(n, all_lanes(0.0));
-  vd f = sel(one, lane_sqrt(square), sel(two, square, all_lanes(1.0)));
+  vr f = wide_pick(one, wide_sqrt(square), wide_pick(two, square, all_rotors(all_lanes(1.0))));
   vl usual = one | two | zero;
-  return any(~usual) ? sel(usual, f, lane_pow(square, 0.5 * n)) : f;
+  if (!any(~usual)) return f;
+  for (int j = 0; j < GES_ABREAST; j++) set_rotor(&power, j, lane_pow(rotor(square, j), 0.5 * n));
+  return wide_pick(usual, f, power);
 }
 
 static void thrust_gain(const sample_t *s, const vd *p, vd thrust_gain[GES_ROTORS]) {
-  for (int i = 0; i < ROTORS_OF(s); i++) {
-    const ground_t *g = &s->under[i];
+  for (int i = 0; i < ROTORS_OF(s); i += GES_ABREAST) {
     fraction_t f = gain(s, p, i);
-    vd corrected = p[AMPLITUDE] * f.over * (1.0 + p[CURVATURE_GAIN] * g->laplacian);
-    vd slope = inverse_slope_factor(g, p[SLOPE_EXPONENT]);
-    thrust_gain[i] = clamp(corrected / (f.under * slope), p[LOW] - 1.0, p[HIGH] - 1.0);
+    vr corrected = p[AMPLITUDE] * f.over * (1.0 + p[CURVATURE_GAIN] * rotors_from(s->under.laplacian + i));
+    vr slope = inverse_slope_factor(rotors_from(s->under.gx + i), rotors_from(s->under.gy + i), p[SLOPE_EXPONENT]);
+    vr above_low = wide_max(corrected / (f.under * slope), all_rotors(p[LOW] - 1.0));
+    put_rotors(thrust_gain + i, wide_min(above_low, all_rotors(p[HIGH] - 1.0)));
   }
 }
 

@@ -6,15 +6,23 @@
 
 enum { POINTS = 8 };
 
+/* One coordinate of the hubs from rotor i on. */
+static vr hubs(const sample_t *s, int axis, int i) {
+  vr hub = all_rotors(s->hub[i][axis]);
+  for (int j = 1; j < GES_ABREAST; j++) set_rotor(&hub, j, s->hub[i + j][axis]);
+  return hub;
+}
+
 /* Thrust gains with every hub's ground taken k radii away in the direction (cx, cy) of the world. */
 static void shifted_gain(const sample_t *s, vd k, double cx, double cy, vd thrust_gain[GES_ROTORS]) {
   sample_t moved = *s;
-  for (int i = 0; i < ROTORS_OF(s); i++) {
-    vd reach = k * s->radius[i];
-    vd x = s->p[0] + (s->r[0] * s->hub[i][0] + s->r[1] * s->hub[i][1] + s->r[2] * s->hub[i][2]);
-    vd y = s->p[1] + (s->r[3] * s->hub[i][0] + s->r[4] * s->hub[i][1] + s->r[5] * s->hub[i][2]);
-    moved.under[i] = ground_at(s->map, x + cx * reach, y + cy * reach);
-    moved.height[i] = s->height[i] + s->under[i].height - moved.under[i].height;
+  for (int i = 0; i < ROTORS_OF(s); i += GES_ABREAST) {
+    vr hub[3] = {hubs(s, 0, i), hubs(s, 1, i), hubs(s, 2, i)}, reach = k * rotors_from(s->radius + i);
+    vr x = s->p[0] + (s->r[0] * hub[0] + s->r[1] * hub[1] + s->r[2] * hub[2]);
+    vr y = s->p[1] + (s->r[3] * hub[0] + s->r[4] * hub[1] + s->r[5] * hub[2]);
+    ground_wide_t under = ground_under(s->map, x + cx * reach, y + cy * reach);
+    put_grounds(&moved.under, i, &under);
+    put_rotors(moved.height + i, rotors_from(s->height + i) + rotors_from(s->under.height + i) - under.height);
   }
   s->thrust_gain_at(&moved, s->thrust_gain_p, thrust_gain);
 }

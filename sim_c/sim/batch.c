@@ -342,8 +342,13 @@ static int lanes_used(int lanes) {
   return lanes == 0 || lanes > most ? most : lanes;
 }
 
+/* The unit of one lane has AVX2, too, for rotors side by side: on a processor without it one flight takes both lanes of the
+ * unit of two. */
 static const kernel_t *kernel_of(const double *parameters, int lanes) {
   int width = 0;
+#ifdef __x86_64__
+  if (lanes_of_the_processor() < 4 && lanes < 2) lanes = 2;
+#endif
   while (1 << width < lanes) width++;
   return kernels[unit_of(parameters)][width];
 }

@@ -139,10 +139,10 @@ static void load_task(task_t *t, const double *const *p, ges_flight *const *flig
 
 /* What rotor k of lane i makes per its thrust: force along z, moments x, y, z. */
 static void thrust_effect(const vehicle_t *b, int i, int k, float effect[4][FIRMWARE_MAX_ROTORS]) {
-  double x = lane(b->hub[k][0], i), y = lane(b->hub[k][1], i);
+  double x = lane(b->hub[0][k], i), y = lane(b->hub[1][k], i);
   double yaw = -lane(b->spin[k], i) * lane(b->torque_coefficient, i) / lane(b->thrust_coefficient, i);
 #if GES_GENERAL
-  double z = lane(b->hub[k][2], i), ax = lane(b->axis[k][0], i), ay = lane(b->axis[k][1], i), az = lane(b->axis[k][2], i);
+  double z = lane(b->hub[2][k], i), ax = lane(b->axis[k][0], i), ay = lane(b->axis[k][1], i), az = lane(b->axis[k][2], i);
   yaw *= lane(b->torque_share[k], i) / fmax(lane(b->thrust_share[k], i), 1e-9);
   effect[0][k] = (float)az;
   effect[1][k] = (float)(y * az - z * ay + yaw * ax);

@@ -39,14 +39,24 @@ typedef struct {
   vd height, gx, gy, laplacian;
 } ground_t;
 
+/* The same under rotors abreast. */
+typedef struct {
+  vr height, gx, gy, laplacian;
+} ground_wide_t;
+
+/* Below every rotor. */
+typedef struct {
+  vd height[GES_ROTORS], gx[GES_ROTORS], gy[GES_ROTORS], laplacian[GES_ROTORS];
+} grounds_t;
+
 /* Ground of every lane with the two features around a lane's vehicle at hand: valid for points within half a slot
  * of the place it was last moved to. Points of one lane share one terrain. */
 typedef struct {
   const terrain_t *terrain[GES_W];
   int kind;
-  vd z, slot, inverse_slot, left, edge;
-  vd feature[2][6];
-  vd wave[GES_WAVES][4], roughness; /* cycles per metre along x and y, phase, roughness times squared wave number */
+  vd slot, inverse_slot, left;
+  vr z, edge, feature[2][6];
+  vr wave[GES_WAVES][4], roughness; /* cycles per metre along x and y, phase, roughness times squared wave number */
 } ground_lanes_t;
 
 #endif
