@@ -10,6 +10,7 @@ from ges.diagnose.prove.verify import (
     block_windows,
     channel_table,
     errors_elsewhere,
+    finite_rollouts,
     horizon_times_s,
     recalibration_warnings,
     reduction_ci95,
@@ -158,6 +159,19 @@ def test_rollouts_of_all_flights_are_pooled_and_told_at_the_end_of_the_horizon()
     assert table["channels"]["p_z_m"]["before"] == pytest.approx(0.5 * FALL_M_S2, abs=5e-3)
     assert table["channels"]["p_z_m"]["after"] < 1e-6
     assert rollout_table({}) == {}
+
+
+def test_rollouts_that_stop_being_finite_count_in_no_stage_and_are_told():
+    end_m = {"before": [[0.0, 1.0], [0.0, 3.0]], "after": [[0.0, 0.5], [0.0, np.inf]]}
+    errors = {"p_z_m": {stage: np.array(e) for stage, e in end_m.items()}}
+    finite, warnings = finite_rollouts(errors)
+    table = rollout_table(finite)["channels"]["p_z_m"]
+    assert table == {"before": 1.0, "after": 0.5}
+    (warning,) = warnings
+    assert warning.startswith("1 of 2 simulations") and "with the findings" in warning
+    nothing = {"p_z_m": {"after": np.full((2, 2), np.nan)}}
+    assert finite_rollouts(nothing)[0] == {} and len(finite_rollouts(nothing)[1]) == 1
+    assert finite_rollouts({}) == ({}, [])
 
 
 def test_nothing_held_out_proves_nothing():

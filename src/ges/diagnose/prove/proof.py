@@ -16,6 +16,7 @@ from ges.diagnose.prove.closed_loop import closed_loop
 from ges.diagnose.prove.verify import (
     channel_table,
     errors_elsewhere,
+    finite_rollouts,
     rms_table,
     rollout_errors_by_stage,
     rollout_table,
@@ -47,6 +48,7 @@ class Proof:
     rollouts : errors by contract column and stage, (starts, steps).
     regimes : by flight, regime variables of every window.
     length_s : support of the test functions.
+    warnings : what stages could not fly.
     """
 
     fit: Mapping[str, Any]
@@ -56,6 +58,7 @@ class Proof:
     rollouts: Mapping[str, Mapping[str, np.ndarray]] = dataclasses.field(default_factory=dict)
     regimes: Sequence[Mapping[str, np.ndarray]] = ()
     length_s: float = 0.0
+    warnings: Sequence[str] = ()
 
 
 def prove(
@@ -86,7 +89,7 @@ def prove(
         regime_variables(f, w, models["after"]) for f, w in zip(flights, windows, strict=True)
     ]
     errors_by_stage = stage_errors(flights, models, channels, length_s)
-    rollout_errors = rollout_errors_by_stage(flights, models)
+    rollouts, warnings = finite_rollouts(rollout_errors_by_stage(flights, models))
     fit = {
         "metric": _metric_words(),
         "holdout_flights": list(held_out),
@@ -96,7 +99,7 @@ def prove(
             for name, own in stage_errors(flights, alternatives, channels, length_s).items()
         },
         "elsewhere": errors_elsewhere(errors_by_stage, channels, located, regimes, spacing_s),
-        "rollout": rollout_table(rollout_errors),
+        "rollout": rollout_table(rollouts),
         "closed_loop": closed_loop(flights, models, length_s),
     }
-    return Proof(fit, flights, channels, errors_by_stage, rollout_errors, regimes, length_s)
+    return Proof(fit, flights, channels, errors_by_stage, rollouts, regimes, length_s, warnings)

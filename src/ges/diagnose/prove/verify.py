@@ -16,6 +16,7 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, unit_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
+from ges.diagnose.types.words import stage_words
 
 STAGES = ("before", "recalibrated", "after")
 
@@ -314,3 +315,37 @@ def rollout_table(errors: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
         for n, by in errors.items()
     }
     return {"horizon_s": settings.report.horizon_s, "channels": channels} if channels else {}
+
+
+def finite_rollouts(
+    errors: Mapping[str, Mapping[str, np.ndarray]],
+) -> tuple[dict[str, dict[str, np.ndarray]], list[str]]:
+    """Leave out rollouts that stop being finite in some stage.
+
+    Parameters
+    ----------
+    errors : of :func:`rollout_errors_by_stage`.
+
+    Returns
+    -------
+    The others, (starts, points) by contract column and stage, and a sentence for every stage that
+    lost some.
+
+    Notes
+    -----
+    Stages compare on the same rollouts alone: all stages fly one to its end, or it does not count.
+    """
+    diverged = {
+        stage: ~np.all([np.isfinite(by[stage]).all(axis=1) for by in errors.values()], axis=0)
+        for stage in next(iter(errors.values()), {})
+    }
+    good = ~np.any(list(diverged.values()), axis=0)
+    warnings = [
+        f"{of_stage.sum()} of {len(of_stage)} simulations {settings.report.horizon_s:g} s ahead"
+        f" stop being finite ({stage_words(stage)}), and count in no stage"
+        for stage, of_stage in diverged.items()
+        if of_stage.any()
+    ]
+    if not good.any():
+        return {}, warnings
+    return {n: {s: e[good] for s, e in by.items()} for n, by in errors.items()}, warnings

@@ -54,8 +54,8 @@ def compare(
     >>> [(row["name"], row["state"]) for row in table["findings"]]
     [('rotor drag', 'both'), ('ground effect', 'first only')]
     """
-    both, ahead_s = (first, second), first["fit"]["rollout"]["horizon_s"]
-    ahead = f", {number_words(ahead_s, 2)} s ahead"
+    both, rollouts = (first, second), [c["fit"]["rollout"] for c in (first, second)]
+    ahead = f", {number_words(rollouts[0]['horizon_s'], 2)} s ahead"
     return {
         "names": list(names),
         "remarks": list(_remarks(first, second)),
@@ -74,7 +74,7 @@ def compare(
         "numbers": list(_numbers(first["calibration"], second["calibration"])),
         "errors": [
             *_errors(first["fit"]["channels"], second["fit"]["channels"], ""),
-            *_errors(*(c["fit"]["rollout"]["channels"] for c in both), ahead),
+            *_errors(rollouts[0]["channels"], rollouts[1]["channels"], ahead),
         ],
     }
 

@@ -102,7 +102,11 @@ def compose_diagnosis(
     calibration = calibration_of(last.joint, last.regression.system, problem.model)
     off = silent_channels(problem.flights, problem.model)
     untested = not_tested(start.system, explanation.last.model)
-    warnings = [*problem.warnings, *recalibration_warnings(proof.fit["channels"], problem.model)]
+    warnings = [
+        *problem.warnings,
+        *recalibration_warnings(proof.fit["channels"], problem.model),
+        *proof.warnings,
+    ]
     verdict = verdict_of(findings, contradicted, laws, unexplained)
     diagnosis = Diagnosis(
         verdict=verdict,

@@ -15,7 +15,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -173,17 +172,17 @@ def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...]
 
 
 @functools.cache
-def _dfreader() -> ModuleType:
+def _dfreader() -> Any:
     """Return the module of pymavlink that reads logs."""
     # its fast indexer prints what it finds damaged past sys.stderr
     os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
-    dfreader = optional_module("pymavlink.DFReader", "ardupilot", "ArduPilot logs")
+    dfreader: Any = optional_module("pymavlink.DFReader", "ardupilot", "ArduPilot logs")
 
     class Format(dfreader.DFFormat):
         """A message's format that is no shorter than its header."""
 
         # of a length of 0, as a damaged byte may say, the reader never comes to the next message
-        def __init__(self, number, name, length, *rest, **more):
+        def __init__(self, number: int, name: bytes, length: int, *rest: Any, **more: Any) -> None:
             super().__init__(number, name, max(length, _HEADER), *rest, **more)
 
     dfreader.DFFormat = Format
