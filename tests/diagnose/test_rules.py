@@ -247,8 +247,26 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
     monkeypatch.setattr(rules, "residuals_with", lambda system, model: [before * unit])
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [after * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * unit]})
-    (decision,) = practically_significant(fitted, (name,), MODEL).values()
+    (decision,) = practically_significant(fitted, (name,), MODEL, MODEL).values()
     assert decision.passed == matters, decision.because
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "passes"),
+    [("esc_delay", "drive_1", False), ("torque_coefficient", "moment_z", True)],
+)
+def test_what_the_files_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, passes):
+    """A delay of 33 ms and a lag of -25 ms undid each other, where the lag alone was as good."""
+    unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
+    system = SimpleNamespace(main=(channel,), model=MODEL)
+    fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
+    recalibrated = MODEL.with_effects({})
+    rms = {id(MODEL): 20.0, id(recalibrated): 2.0}
+    monkeypatch.setattr(rules, "residuals_with", lambda system, model: [rms[id(model)] * unit])
+    monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [2.1 * unit])
+    monkeypatch.setattr(rules, "contributions", lambda *_: {name: [10.0 * unit]})
+    (decision,) = practically_significant(fitted, (name,), MODEL, recalibrated).values()
+    assert decision.passed == passes, decision.because
 
 
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
@@ -368,7 +386,8 @@ def test_what_stands_at_a_bound_or_makes_nothing_is_not_flown(monkeypatch, sizes
             structures=[], last=SimpleNamespace(model=MODEL), accepted=accepted
         ),
     )
-    found, _ = explanation.refit_with_open_names(told, [], None, MODEL, None, DecisionLog())
+    start = SimpleNamespace(first=SimpleNamespace(model=MODEL))
+    found, _ = explanation.refit_with_open_names(told, [], start, MODEL, None, DecisionLog())
     assert found.accepted.rivals == ((*sizes, "esc_delay") if flown else ())
     if flown:
         assert found.accepted.fitted == fits.get(flown, flown)

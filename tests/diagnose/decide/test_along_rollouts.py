@@ -50,14 +50,14 @@ def test_a_name_that_fails_along_rollouts_is_taken_back(monkeypatch, accepted, f
     def significant(_, name):
         return Decision("significant_when_fitted", name not in failing, "as given")
 
-    def practically_significant(_, names, __):
+    def practically_significant(_, names, *__):
         assert not set(names) & set(failing), "what is not significant is asked no more"
         return {n: Decision("practically_significant", n not in idle, "as given") for n in names}
 
     monkeypatch.setattr(accept, "significant", significant)
     monkeypatch.setattr(accept, "practically_significant", practically_significant)
     record = DecisionLog()
-    refined = confirm_along_rollouts(accepted, None, record)
+    refined = confirm_along_rollouts(accepted, None, None, record)
     assert refined.names == left and set(refined.probability) == set(left)
     assert refined.fitted is None if not left else set(refined.fitted.effects) == set(left)
     for name in (*failing, *idle):

@@ -572,13 +572,15 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
     return dataclasses.replace(accepted, fitted=polished)
 
 
-def confirm_along_rollouts(accepted: Accepted, nominal: Model, record: DecisionLog) -> Accepted:
+def confirm_along_rollouts(
+    accepted: Accepted, nominal: Model, recalibrated: Model, record: DecisionLog
+) -> Accepted:
     """Refine the fit along rollouts, without names that do not stand in it.
 
     Parameters
     ----------
     accepted : names and fits.
-    nominal : the vehicle file's model.
+    nominal, recalibrated : the vehicle file's model, as given and with its numbers set.
     record : takes the decisions.
 
     Returns
@@ -592,7 +594,7 @@ def confirm_along_rollouts(accepted: Accepted, nominal: Model, record: DecisionL
         return refined
     decisions = {name: significant(fitted, name) for name in accepted.names}
     passed = [name for name, decision in decisions.items() if decision.passed]
-    decisions |= practically_significant(fitted, passed, nominal)
+    decisions |= practically_significant(fitted, passed, nominal, recalibrated)
     for name, decision in decisions.items():
         record.note(name, decision)
     # what acted through a name that fell has nothing to act through
@@ -600,7 +602,8 @@ def confirm_along_rollouts(accepted: Accepted, nominal: Model, record: DecisionL
     kept = [n for n in kept if has_prerequisite(n, {*kept, *system.model.effects})]
     if len(kept) == len(accepted.names):
         return refined
-    return confirm_along_rollouts(_restricted(accepted, kept, system), nominal, record)
+    rest = _restricted(accepted, kept, system)
+    return confirm_along_rollouts(rest, nominal, recalibrated, record)
 
 
 def fit_alternatives(accepted: Accepted, record: DecisionLog) -> Accepted:

@@ -81,7 +81,7 @@ def explain_flights(
     if gusts and accepted.fitted is not None and only is None:
         start, accepted, gusts = _accept_in_gusts(start, accepted, gusts, nominal_gusts, record)
     refined = (
-        confirm_along_rollouts(accepted, nominal, record)
+        confirm_along_rollouts(accepted, nominal, start.first.model, record)
         if only is None
         else fit_along_rollouts(accepted)
     )
@@ -255,7 +255,8 @@ def refit_with_open_names(
         accepted = fit_alternatives(explanation.accepted, record)
         # the most probable stand first
         names = accepted.alternatives
-        likeliest = next((n for n in names if _matters(accepted, n, nominal, record)), None)
+        models = (nominal, start.first.model)
+        likeliest = next((n for n in names if _matters(accepted, n, models, record)), None)
         if likeliest is None:
             for name in names:
                 because = "each that is open stands at a bound, or makes less than what matters"
@@ -271,11 +272,16 @@ def refit_with_open_names(
     return refitted, unexplained_structures(refitted.structures, refitted.last.model)
 
 
-def _matters(accepted: Accepted, name: str, nominal: Model, record: DecisionLog) -> bool:
-    """Return whether an open name makes what matters, and is off its bounds."""
+def _matters(
+    accepted: Accepted, name: str, models: tuple[Model, Model], record: DecisionLog
+) -> bool:
+    """Return whether an open name makes what matters, and is off its bounds.
+
+    The models are the vehicle file's, as given and recalibrated.
+    """
     fitted = accepted.alternatives[name]
     if any(effect == name for effect, _ in parameters_at_bounds(fitted)):
         return False
-    (decision,) = practically_significant(fitted, (name,), nominal).values()
+    (decision,) = practically_significant(fitted, (name,), *models).values()
     record.note(name, decision)
     return decision.passed

@@ -357,7 +357,7 @@ def significant(fitted: Fitted, name: str) -> Decision:
 
 
 def practically_significant(
-    fitted: Fitted, names: Sequence[str], nominal: Model
+    fitted: Fitted, names: Sequence[str], nominal: Model, recalibrated: Model
 ) -> dict[str, Decision]:
     """Decide whether flights agree better with a name than with the file, by what matters.
 
@@ -365,20 +365,27 @@ def practically_significant(
     ----------
     fitted : with the names.
     names : of effects; each is decided on.
-    nominal : the vehicle file's model.
+    nominal, recalibrated : the vehicle file's model, as given and with its numbers set.
 
     Notes
     -----
-    The channel in which a name makes most counts. A file's number may be wrong by less than what
-    matters, but flights have to agree better. Numbers that undo each other change nothing there.
+    The channel in which a name makes most counts, and there the better of the two models: a delay
+    and a lag that undo each other explain nothing. A number of the file may be wrong by less than
+    what matters, but flights have to agree better than with the file.
     """
     system = fitted.regression.system
-    before, after = (
-        [
-            _mean_square(np.concatenate([r[:, c] for r in residuals]))
-            for c in range(len(system.main))
-        ]
-        for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
+    as_given, as_set, after = (
+        np.array(
+            [
+                _mean_square(np.concatenate([r[:, c] for r in residuals]))
+                for c in range(len(system.main))
+            ]
+        )
+        for residuals in (
+            residuals_with(system, nominal),
+            residuals_with(system, recalibrated),
+            raw_residuals(system, fitted.joint),
+        )
     )
 
     def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
@@ -387,10 +394,10 @@ def practically_significant(
         if not channel:
             return Decision(PRACTICAL, False, "shows nowhere")
         c, scale = system.main.index(channel), system.model.reference_scale(channel)
-        gain = before[c] - after[c]
+        corrects = effect_table.get(name).about == "parameter"
+        gain = (as_given if corrects else np.minimum(as_given, as_set))[c] - after[c]
         # of what flights are nearer by no more is the name's than what it makes
         share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
-        corrects = effect_table.get(name).about == "parameter"
         least = 0.0 if corrects else least_rms_in(channel, system.model) / scale
         because = f"{100.0 * share:.2g} % of the whole nearer than the vehicle file in {channel}"
         return Decision(PRACTICAL, share > 0.0 and share >= least, because, share, least)
