@@ -369,9 +369,9 @@ def practically_significant(
 
     Notes
     -----
-    The channel in which a name makes most counts, and there the better of the two models: a delay
-    and a lag that undo each other explain nothing. A number of the file may be wrong by less than
-    what matters, but flights have to agree better than with the file.
+    The channel in which a name makes most counts. A number of the file may be wrong by less than
+    what matters, but flights have to agree better. Numbers that undo each other change nothing
+    there, and a delay that a lag undoes does no more than recalibration alone.
     """
     system = fitted.regression.system
     as_given, as_set, after = (
@@ -394,8 +394,9 @@ def practically_significant(
         if not channel:
             return Decision(PRACTICAL, False, "shows nowhere")
         c, scale = system.main.index(channel), system.model.reference_scale(channel)
-        corrects = effect_table.get(name).about == "parameter"
-        gain = (as_given if corrects else np.minimum(as_given, as_set))[c] - after[c]
+        corrects, gain = effect_table.get(name).about == "parameter", as_given[c] - after[c]
+        if not corrects and after[c] >= as_set[c]:
+            return Decision(PRACTICAL, False, f"the file's numbers alone do as well in {channel}")
         # of what flights are nearer by no more is the name's than what it makes
         share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
         least = 0.0 if corrects else least_rms_in(channel, system.model) / scale
