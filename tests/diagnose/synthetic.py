@@ -9,7 +9,7 @@ from ges.diagnose.design.columns import DesignColumn, Nuisance
 from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import WhitePart
+from ges.diagnose.design.whiten import Errors, WhitePart
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
 from ges.diagnose.prepare.align import CommandHold, Prepared
 from ges.diagnose.types.model import Model
@@ -131,13 +131,15 @@ def white_part(
     columns: Sequence[int], y: np.ndarray, x: np.ndarray, errors: np.ndarray | None = None
 ) -> WhitePart:
     """One channel whose rows are white as they are, with errors of the drive."""
+    by_drive = np.zeros((1, 0, len(y))) if errors is None else errors.T[None]
     return WhitePart(
+        (0,),
         np.arange(len(y)),
         np.asarray(columns),
         y[None],
         (tuple(x.T),),
         lambda columns: columns,
-        np.zeros((1, 0, len(y))) if errors is None else errors.T[None],
+        Errors(by_drive, (), lambda columns: columns),
     )
 
 
