@@ -411,6 +411,11 @@ class Regression:
                 columns.setdefault((column.variant.effect, column.variant.key), []).append(k)
         return columns
 
+    def without_rows(self) -> Regression:
+        """Return it without the flights, for what asks for columns and normal equations alone."""
+        system = dataclasses.replace(self.system, flights=())
+        return dataclasses.replace(self, system=system, whites=())
+
     def pool(self, but: Collection[int] = ()) -> Gram:
         """Return the normal equations of all flights, with common nuisances integrated out.
 
