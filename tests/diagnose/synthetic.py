@@ -6,6 +6,7 @@ import numpy as np
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
 from ges.diagnose.design.columns import DesignColumn, Nuisance
+from ges.diagnose.design.feedback import EndogenousPart, EndogenousParts, values_of
 from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
@@ -141,6 +142,19 @@ def white_part(
         lambda columns: columns,
         Errors(by_drive, (), lambda columns: columns),
     )
+
+
+def endogenous_part(key: str, column: np.ndarray) -> EndogenousPart:
+    """A part that is its whole column, in the air all the time."""
+    air = np.ones(len(column), bool)
+    return EndogenousPart(key, column, air, None, lambda x, keys, channel: x)
+
+
+def made(parts: EndogenousParts) -> dict[tuple[str, int], dict[str, np.ndarray]]:
+    """Endogenous parts with their values, (m,) each."""
+    return {
+        at: dict(zip(own, values_of(list(own.values())), strict=True)) for at, own in parts.items()
+    }
 
 
 def manoeuvre(duration_s: float = 6.0, **columns) -> Prepared:

@@ -369,7 +369,7 @@ def _measured_rates(
 
     The derivative is in the test function.
     """
-    rates = {}
+    rates: dict[str, np.ndarray] = {}
     if not {*FORCE}.isdisjoint(names):
         rates.update(zip(FORCE, (windows.rate @ motion.velocity_terms[0]).T, strict=True))
     for mark, _, rate in _test_functions_of(windows, MOMENT[0], names):

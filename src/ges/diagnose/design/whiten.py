@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.linalg import toeplitz
 
+from ges.diagnose.design.feedback import EndogenousPart, values_of
 from ges.diagnose.design.noise import NoiseModel, rows_followed, rows_in_run
 from ges.diagnose.design.system import FlightRows
 from ges.diagnose.design.table import Indices
@@ -60,12 +61,12 @@ class FeedbackErrors:
 
     Attributes
     ----------
-    unfiltered : j columns of each channel.
+    parts : j endogenous parts of each channel.
     bound : (g, j) of :func:`_error_bounds`.
     disturbance : (g,) of the channels, see :class:`NoiseModel`.
     """
 
-    unfiltered: Columns
+    parts: tuple[Sequence[EndogenousPart], ...]
     bound: np.ndarray
     disturbance: np.ndarray
 
@@ -95,7 +96,7 @@ class Errors:
     def columns(self) -> np.ndarray:
         """Return the columns whitened, (g, j, n)."""
         errors = [
-            _whitened(self.whiten, e.unfiltered) * e.size[..., None] for e in self.by_feedback
+            _whitened_parts(self.whiten, e.parts) * e.size[..., None] for e in self.by_feedback
         ]
         return np.concatenate([self.by_drive, *errors], axis=1)
 
@@ -110,6 +111,13 @@ class Errors:
         size, v = np.linalg.eigh(columns @ columns.swapaxes(1, 2))
         root = np.sqrt(1.0 + np.maximum(size, 0.0))
         return columns, (v / (root * (1.0 + root))[:, None]) @ v.swapaxes(1, 2)
+
+
+def _whitened_parts(
+    whiten: Callable[[np.ndarray], np.ndarray], parts: Sequence[Sequence[EndogenousPart]]
+) -> np.ndarray:
+    """Return j endogenous parts of each of g channels whitened, (g, j, n)."""
+    return whiten(np.stack([values_of(own) for own in parts]))
 
 
 def _whitened(whiten: Callable[[np.ndarray], np.ndarray], columns: Columns) -> np.ndarray:
@@ -281,13 +289,15 @@ def _power_of_endogenous(rows: FlightRows, white: White) -> dict[tuple[str, int]
     for part in white.parts:
         group = part.channels
         for kind in (kind for kind, channel in rows.endogenous if channel == group[0]):
-            whitened = _whitened(part.innovations, _endogenous(rows, kind, group))
+            whitened = _whitened_parts(part.innovations, _endogenous(rows, kind, group))
             mean_squares = (whitened**2).mean(axis=2)
             power.update(((kind, c), own) for c, own in zip(group, mean_squares, strict=True))
     return power
 
 
-def _endogenous(rows: FlightRows, kind: str, channels: Sequence[int]) -> Columns:
+def _endogenous(
+    rows: FlightRows, kind: str, channels: Sequence[int]
+) -> tuple[tuple[EndogenousPart, ...], ...]:
     return tuple(tuple(rows.endogenous[kind, c].values()) for c in channels)
 
 
