@@ -11,7 +11,7 @@ from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.design.whiten import White
 from ges.diagnose.select.bounded import log_mass_within
-from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, whitened_against_feedback
+from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior
 
 from .synthetic import made, white_part
 
@@ -115,7 +115,7 @@ def test_rows_without_answers_have_the_products_of_the_fit(seen):
     rng = np.random.default_rng(5)
     every = np.arange(x.shape[1])
     part = white_part(every, y, x, 3.0 * rng.normal(size=(60, 4)))
-    ((*left_x, left_y),) = whitened_against_feedback(part, every)
+    ((*left_x, left_y),) = part.shrunk_with_residuals(every)
     gram = gram_of(White((part,), x.shape[1]))
     np.testing.assert_allclose(np.inner(left_x, left_x), gram.xx)
     np.testing.assert_allclose(left_x @ left_y, gram.xy)

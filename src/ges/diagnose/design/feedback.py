@@ -425,9 +425,9 @@ def values_of(parts: Sequence[EndogenousPart]) -> np.ndarray:
     -------
     (j, m).
     """
-    any_part, x = parts[0], np.stack([p.column for p in parts], axis=1)
+    any_part, x = parts[0], np.stack([p.column for p in parts]).T
     keys, air = [p.key for p in parts], any_part.air
-    values = any_part.of_columns(x[air], keys, any_part.channel)
+    values = any_part.of_columns(x if air.all() else x[air], keys, any_part.channel)
     return np.ascontiguousarray(_in_all_windows(air, values).T)
 
 

@@ -100,12 +100,19 @@ class Errors:
         ]
         return np.concatenate([self.by_drive, *errors], axis=1)
 
-    @functools.cached_property
-    def shrinkage(self) -> tuple[np.ndarray, np.ndarray]:
-        """Columns A (g, j, n), and (g, j, j) of (1 + A^T A)^(-1/2) = 1 - A^T S A.
+    def shrink(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows times (1 + A^T A)^(-1/2), for the errors A.
 
-        Rounds of a fit share them.
+        Parameters
+        ----------
+        rows : (g, w, n), whitened.
         """
+        columns, shrinkage = self._shrinkage
+        return rows - (shrinkage @ (columns @ rows.swapaxes(1, 2))).swapaxes(1, 2) @ columns
+
+    @functools.cached_property
+    def _shrinkage(self) -> tuple[np.ndarray, np.ndarray]:
+        """Columns A (g, j, n), and S (g, j, j) of (1 + A^T A)^(-1/2) = 1 - A^T S A."""
         # A A^T = V s V^T, and S = V (1 / (r + r^2)) V^T with r^2 = 1 + s
         columns = self.columns()
         size, v = np.linalg.eigh(columns @ columns.swapaxes(1, 2))
@@ -140,6 +147,7 @@ class WhitePart:
     innovations : what whitens columns (g, w, m).
     errors : that the residuals may have.
     log_sd : sum of the log sds of all innovations, in the units of the channels.
+    first : the same channels in the first round of a fit, which all rounds share errors with.
 
     Notes
     -----
@@ -155,6 +163,7 @@ class WhitePart:
     innovations: Callable[[np.ndarray], np.ndarray]
     errors: Errors
     log_sd: float = 0.0
+    first: WhitePart | None = None
 
     def of(self, wanted: Indices) -> np.ndarray:
         """Return some whitened columns.
@@ -183,6 +192,43 @@ class WhitePart:
         rows = np.concatenate([self.of(self.columns), self.y[:, None]], axis=1)
         errors, turned = self.errors.columns(), rows.swapaxes(1, 2)
         return rows @ turned, errors @ errors.swapaxes(1, 2), errors @ turned
+
+    @functools.cached_property
+    def shrunk(self) -> np.ndarray:
+        """All columns that act there, whitened and shrunk along the errors, (g, k, n)."""
+        return self.errors.shrink(self.of(self.columns))
+
+    def shrunk_with_residuals(self, wanted: Indices) -> np.ndarray:
+        """Return some columns and the residuals, whitened and shrunk along the errors.
+
+        Parameters
+        ----------
+        wanted : numbers of w of the columns that act there.
+
+        Returns
+        -------
+        (g, w + 1, n). Their products are those that errors leave when they are integrated out.
+        """
+        first, numbers = self.first or self, np.asarray(wanted, dtype=int)
+        # columns that the first round had, too, are the same objects
+        places = {
+            tuple(map(id, own)): i for i, own in enumerate(zip(*first.unfiltered, strict=True))
+        }
+        own = list(zip(*self.unfiltered, strict=True))
+        at = np.array(
+            [
+                places.get(tuple(map(id, own[k])), -1)
+                for k in np.searchsorted(self.columns, numbers)
+            ],
+            dtype=int,
+        )
+        rows = np.empty((len(self.y), len(numbers) + 1, len(self.at)))
+        known, new = np.flatnonzero(at >= 0), np.flatnonzero(at < 0)
+        rows[:, known] = first.shrunk[:, at[known]]
+        rows[:, np.r_[new, len(numbers)]] = self.errors.shrink(
+            np.concatenate([self.of(numbers[new]), self.y[:, None]], axis=1)
+        )
+        return rows
 
     def with_feedback_errors(self, errors: FeedbackErrors) -> WhitePart:
         """Return a copy with more errors that feedback may have caused.
@@ -224,7 +270,10 @@ class White:
             and np.array_equal(one.errors.by_drive, known.errors.by_drive)
             for one, known in pairs
         )
-        parts = tuple(dataclasses.replace(one, errors=known.errors) for one, known in pairs)
+        parts = tuple(
+            dataclasses.replace(one, errors=known.errors, first=known.first or known)
+            for one, known in pairs
+        )
         return White(parts, self.count) if same else None
 
 

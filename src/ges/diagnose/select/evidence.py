@@ -14,7 +14,6 @@ import numpy as np
 from ges.diagnose.design.columns import DesignColumn, nuisance_of, variant_of
 from ges.diagnose.design.noise import NoiseModel, estimate_noise, variance_covariate
 from ges.diagnose.design.system import System
-from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import White, WhitePart, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
@@ -146,7 +145,7 @@ def block_grams(white: White, wanted: np.ndarray, block: np.ndarray) -> list[Gra
     count = np.zeros(len(numbers))
     for part in white.parts:
         places = np.flatnonzero(np.isin(wanted, part.columns))
-        rows, number = whitened_against_feedback(part, wanted[places]), block[part.at]
+        rows, number = part.shrunk_with_residuals(wanted[places]), block[part.at]
         # rows of all channels side by side; they come in order of time, so that a block is one run
         rows, g = rows.transpose(1, 2, 0).reshape(rows.shape[1], -1), len(rows)
         first = np.flatnonzero(np.diff(number, prepend=-1))
@@ -157,24 +156,6 @@ def block_grams(white: White, wanted: np.ndarray, block: np.ndarray) -> list[Gra
         products[np.ix_(number[first], at, at)] += np.stack([own @ own.T for own in runs])
         count[number[first]] += g * (past - first)
     return [_gram_with_residuals(p, float(n)) for p, n in zip(products, count, strict=True)]
-
-
-def whitened_against_feedback(part: WhitePart, wanted: Indices) -> np.ndarray:
-    """Return rows whose products are those of :func:`gram_of`.
-
-    Parameters
-    ----------
-    part : channels of a whitened flight.
-    wanted : numbers of w of the columns that act there.
-
-    Returns
-    -------
-    Columns with the residual behind them (g, w + 1, n), shrunk along the feedback errors.
-    """
-    rows = np.concatenate([part.of(wanted), part.y[:, None]], axis=1)
-    errors, shrinkage = part.errors.shrinkage
-    rows -= (shrinkage @ (errors @ rows.swapaxes(1, 2))).swapaxes(1, 2) @ errors
-    return rows
 
 
 def _marginalise_copies(
