@@ -415,10 +415,12 @@ def _moment(
     In that unit a wrong inertia scales the model and not the measurement. Otherwise the best fit
     would shrink both to nothing.
     """
-    omega, inertia = motion.omega, output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    inertia = output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
     nominal = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    # Omega x I Omega along principal axes: products of rates times differences of inertia
+    differences = np.roll(inertia, 1, axis=1) - np.roll(inertia, -1, axis=1)
     # (1) of docs/method.md over the modelled inertia, then times the nominal one
-    acting = (np.cross(omega, inertia * omega) - output.moment_Nm) / inertia
+    acting = (motion.rate_products * differences - output.moment_Nm) / inertia
     rests = [
         (mark, mean @ acting) for mark, mean, _ in _test_functions_of(windows, MOMENT[0], names)
     ]
