@@ -409,6 +409,11 @@ class EndogenousPart:
     channel: _Channel
     of_columns: Part
 
+    @functools.cached_property
+    def acts(self) -> bool:
+        """Whether the column acts on the channel."""
+        return bool(self.column.any())
+
 
 EndogenousParts = Mapping[tuple[str, int], Mapping[str, EndogenousPart]]
 """By kind and channel, of every ``effect.parameter`` that has it there."""

@@ -107,17 +107,20 @@ class Errors:
         ----------
         rows : (g, w, n), whitened.
         """
-        columns, shrinkage = self._shrinkage
-        return rows - (shrinkage @ (columns @ rows.swapaxes(1, 2))).swapaxes(1, 2) @ columns
+        directions = self._shrunk_directions
+        return rows - (rows @ directions.swapaxes(1, 2)) @ directions
 
     @functools.cached_property
-    def _shrinkage(self) -> tuple[np.ndarray, np.ndarray]:
-        """Columns A (g, j, n), and S (g, j, j) of (1 + A^T A)^(-1/2) = 1 - A^T S A."""
-        # A A^T = V s V^T, and S = V (1 / (r + r^2)) V^T with r^2 = 1 + s
+    def _shrunk_directions(self) -> np.ndarray:
+        """B (g, r, n) of (1 + A^T A)^(-1/2) = 1 - B^T B, for errors A of rank r."""
+        # A A^T = V s V^T, and B = (q + q^2)^(-1/2) V^T A with q^2 = 1 + s
         columns = self.columns()
         size, v = np.linalg.eigh(columns @ columns.swapaxes(1, 2))
-        root = np.sqrt(1.0 + np.maximum(size, 0.0))
-        return columns, (v / (root * (1.0 + root))[:, None]) @ v.swapaxes(1, 2)
+        # many numbers of a drive do the same: what no channel has beyond rounding goes
+        rounding = size.shape[1] * np.finfo(float).eps * size.max(axis=1, initial=0.0)
+        kept = (size > rounding[:, None]).any(axis=0)
+        root = np.sqrt(1.0 + np.maximum(size[:, kept], 0.0))
+        return (v[:, :, kept] / np.sqrt(root * (1.0 + root))[:, None]).swapaxes(1, 2) @ columns
 
 
 def _whitened_parts(
@@ -319,13 +322,11 @@ def _with_feedback_errors(
     for kind in dict.fromkeys(kind for power in powers for kind, _ in power):
         of_kind = [{c: p for (k, c), p in power.items() if k == kind} for power in powers]
         for rows, own, bounds in zip(flights, parts, _error_bounds(of_kind), strict=True):
-            for group in own:
-                if group[0] in bounds:
-                    errors = FeedbackErrors(
-                        _endogenous(rows, kind, group),
-                        np.stack([bounds[c] for c in group]),
-                        noise.disturbance[list(group)],
-                    )
+            for group in [group for group in own if group[0] in bounds]:
+                acting, at = _endogenous(rows, kind, group)
+                if at:
+                    sizes = np.stack([bounds[c][at] for c in group])
+                    errors = FeedbackErrors(acting, sizes, noise.disturbance[list(group)])
                     own[group] = own[group].with_feedback_errors(errors)
     return tuple(
         White(tuple(own.values()), white.count) for own, white in zip(parts, whites, strict=True)
@@ -338,16 +339,25 @@ def _power_of_endogenous(rows: FlightRows, white: White) -> dict[tuple[str, int]
     for part in white.parts:
         group = part.channels
         for kind in (kind for kind, channel in rows.endogenous if channel == group[0]):
-            whitened = _whitened_parts(part.innovations, _endogenous(rows, kind, group))
-            mean_squares = (whitened**2).mean(axis=2)
+            parts, at = _endogenous(rows, kind, group)
+            mean_squares = np.zeros((len(group), len(rows.endogenous[kind, group[0]])))
+            if at:
+                whitened = _whitened_parts(part.innovations, parts)
+                mean_squares[:, at] = (whitened**2).mean(axis=2)
             power.update(((kind, c), own) for c, own in zip(group, mean_squares, strict=True))
     return power
 
 
 def _endogenous(
     rows: FlightRows, kind: str, channels: Sequence[int]
-) -> tuple[tuple[EndogenousPart, ...], ...]:
-    return tuple(tuple(rows.endogenous[kind, c].values()) for c in channels)
+) -> tuple[tuple[list[EndogenousPart], ...], list[int]]:
+    """Return the endogenous parts of those columns that act on some of g channels.
+
+    They come with their numbers among all of the kind.
+    """
+    every = [list(rows.endogenous[kind, c].values()) for c in channels]
+    at = [i for i, own in enumerate(zip(*every, strict=True)) if any(p.acts for p in own)]
+    return tuple([own[i] for i in at] for own in every), at
 
 
 def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
