@@ -6,10 +6,11 @@ import numpy as np
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, command, rotor_speed
 from ges.diagnose.design.columns import DesignColumn, Nuisance
+from ges.diagnose.design.feedback import EndogenousPart, EndogenousParts, values_of
 from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import WhitePart
+from ges.diagnose.design.whiten import Errors, WhitePart
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
 from ges.diagnose.prepare.align import CommandHold, Prepared
 from ges.diagnose.types.model import Model
@@ -131,14 +132,29 @@ def white_part(
     columns: Sequence[int], y: np.ndarray, x: np.ndarray, errors: np.ndarray | None = None
 ) -> WhitePart:
     """One channel whose rows are white as they are, with errors of the drive."""
+    by_drive = np.zeros((1, 0, len(y))) if errors is None else errors.T[None]
     return WhitePart(
+        (0,),
         np.arange(len(y)),
         np.asarray(columns),
         y[None],
         (tuple(x.T),),
         lambda columns: columns,
-        np.zeros((1, 0, len(y))) if errors is None else errors.T[None],
+        Errors(by_drive, (), lambda columns: columns),
     )
+
+
+def endogenous_part(key: str, column: np.ndarray) -> EndogenousPart:
+    """A part that is its whole column, in the air all the time."""
+    air = np.ones(len(column), bool)
+    return EndogenousPart(key, column, air, None, lambda x, keys, channel: x)
+
+
+def made(parts: EndogenousParts) -> dict[tuple[str, int], dict[str, np.ndarray]]:
+    """Endogenous parts with their values, (m,) each."""
+    return {
+        at: dict(zip(own, values_of(list(own.values())), strict=True)) for at, own in parts.items()
+    }
 
 
 def manoeuvre(duration_s: float = 6.0, **columns) -> Prepared:

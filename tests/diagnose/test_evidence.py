@@ -11,9 +11,9 @@ from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.design.whiten import White
 from ges.diagnose.select.bounded import log_mass_within
-from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior, whitened_against_feedback
+from ges.diagnose.select.evidence import Gram, Prior, gram_of, posterior
 
-from .synthetic import white_part
+from .synthetic import made, white_part
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 
@@ -115,7 +115,7 @@ def test_rows_without_answers_have_the_products_of_the_fit(seen):
     rng = np.random.default_rng(5)
     every = np.arange(x.shape[1])
     part = white_part(every, y, x, 3.0 * rng.normal(size=(60, 4)))
-    ((*left_x, left_y),) = whitened_against_feedback(part, every)
+    ((*left_x, left_y),) = part.shrunk_with_residuals(every)
     gram = gram_of(White((part,), x.shape[1]))
     np.testing.assert_allclose(np.inner(left_x, left_x), gram.xx)
     np.testing.assert_allclose(left_x @ left_y, gram.xy)
@@ -177,8 +177,10 @@ def test_what_a_drive_does_is_an_answer_but_along_thrust_for_its_mean():
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
-    found = endogenous_parts(
-        ("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
+    found = made(
+        endogenous_parts(
+            ("thrust_curve.c",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
+        )
     )
     np.testing.assert_allclose(found["dynamic", 0]["thrust_curve.c"], column - column.mean())
     np.testing.assert_array_equal(found["dynamic", 1]["thrust_curve.c"], column)
@@ -200,8 +202,10 @@ def test_what_takes_thrust_from_a_rotor_is_an_answer_but_for_its_trim_and_in_yaw
         {n: column for n in names},
         dict.fromkeys(names, 0.0),
     )
-    found = endogenous_parts(
-        ("weak_rotor.loss_1",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
+    found = made(
+        endogenous_parts(
+            ("weak_rotor.loss_1",), x, 0.2, dict(enumerate(names)), told, np.ones(len(column), bool)
+        )
     )
     assert set(found) == {("rotor", 1)}, "neither along thrust nor in yaw"
     np.testing.assert_allclose(found["rotor", 1]["weak_rotor.loss_1"], column - column.mean())
@@ -225,7 +229,7 @@ def test_of_a_load_what_changes_fast_of_its_pull_is_an_answer():
         np.ones(len(slow), bool),
     )
     assert not endogenous_parts(*asked), "a load that may be there takes nothing from cushions"
-    found = endogenous_parts(*asked, ("slung_load",))
+    found = made(endogenous_parts(*asked, ("slung_load",)))
     assert set(found) == {("load", 0)}, "along thrust alone"
     middle = slice(20, -20)
     np.testing.assert_allclose(

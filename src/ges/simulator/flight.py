@@ -136,7 +136,10 @@ class Flight:
             When a name of a mode or controller is unknown, or a text stands for a number.
         """
         named = {**self.terrain.parameters(), **self.parameters}
-        return {name: self._number(name, value) for name, value in named.items()}
+        return {
+            name: self._number(name, value) if isinstance(value, str) else value
+            for name, value in named.items()
+        }
 
     @property
     def n_rotors(self) -> int:
@@ -144,9 +147,7 @@ class Flight:
         return rotors_of(self.parameters)
 
     @staticmethod
-    def _number(name: str, value: float | str) -> float:
-        if not isinstance(value, str):
-            return value
+    def _number(name: str, value: str) -> float:
         if name not in ("mode", "control"):
             raise UsageError(f"{name} is '{value}'; it takes a number")
         known = modes() if name == "mode" else controllers()
@@ -213,13 +214,13 @@ def _check_inputs(inputs: np.ndarray, control: float, n_rotors: int) -> None:
             )
 
 
-def _packed(flight: Flight) -> tuple:
+def _packed(flight: Flight, on: _lib.CEffects) -> tuple:
     numbers, ground = flight.numbers(), flight.terrain
     if flight.inputs is not None:
         _check_inputs(flight.inputs, numbers.get("control", 0.0), flight.n_rotors)
     heights = ground.height_map()
     grid = None if heights is None else _lib.pack_grid(*heights)
-    return parameter_vector(numbers), effects.pack(flight.effects), grid, flight.inputs
+    return parameter_vector(numbers), on, grid, flight.inputs
 
 
 def fly(
@@ -252,7 +253,10 @@ def fly(
     1.0
     """
     names, numbers = _recorded(flights, wanted), _column_numbers()
-    packed, seed = [_packed(f) for f in flights], list(parameters()).index("seed")
+    # pieces of one flight have the same effects, by the thousand
+    on = {key: effects.pack(e) for key, e in {id(f.effects): f.effects for f in flights}.items()}
+    packed = [_packed(f, on[id(f.effects)]) for f in flights]
+    seed = list(parameters()).index("seed")
     flown = _lib.fly(packed, [numbers[name] for name in names], lanes)
     seeds = [int(vector[seed]) for vector, *_ in packed]
     return [

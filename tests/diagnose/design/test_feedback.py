@@ -19,7 +19,7 @@ from ges.diagnose.design.feedback import (
 from ges.diagnose.design.instruments import directions
 from ges.diagnose.design.table import table_of
 
-from ..synthetic import MODEL, hovering, windows_of
+from ..synthetic import MODEL, hovering, made, windows_of
 
 COUNT, LENGTH_S = 600, 0.2
 T = 0.1 * np.arange(COUNT)
@@ -35,8 +35,10 @@ def _told(names, strong=0.0, z=None):
 
 def _endogenous(keys, names, columns, told=None, air=AIR, **more):
     x = table_of([dict.fromkeys(range(len(names)), c) for c in columns], COUNT, len(names))
-    return endogenous_parts(
-        keys, x, LENGTH_S, dict(enumerate(names)), told or _told(names), air, **more
+    return made(
+        endogenous_parts(
+            keys, x, LENGTH_S, dict(enumerate(names)), told or _told(names), air, **more
+        )
     )
 
 
@@ -127,7 +129,7 @@ def test_of_a_parameter_in_parts_the_one_that_acts_in_a_channel_is_endogenous_th
     names = ("force_z", "moment_x")
     x = table_of([{0: force}, {1: moment}], COUNT, len(names))
     keys = ("rotor_drag.k_kg",) * 2
-    found = endogenous_parts(keys, x, LENGTH_S, dict(enumerate(names)), _told(names), AIR)
+    found = made(endogenous_parts(keys, x, LENGTH_S, dict(enumerate(names)), _told(names), AIR))
     np.testing.assert_allclose(found["motion", 1]["rotor_drag.k_kg"], moment - moment.mean())
     assert set(found) == {("motion", 1)}
 

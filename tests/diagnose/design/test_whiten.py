@@ -18,7 +18,7 @@ from ges.diagnose.design.noise import (
 from ges.diagnose.design.whiten import FeedbackErrors, whiten
 from ges.diagnose.settings import settings, using
 
-from ..synthetic import MODEL, amplitude, nuisance, rows_of, system_of, white_part
+from ..synthetic import MODEL, amplitude, endogenous_part, nuisance, rows_of, system_of, white_part
 
 WINDOWS = 1500
 DRAG = amplitude("rotor_drag.k_kg")
@@ -204,12 +204,13 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     """
     x = np.random.default_rng(5).standard_normal(400)
     rows = dataclasses.replace(
-        rows_of(np.zeros((400, 1)), [{0: x}]), endogenous={("dynamic", 0): {"motor_lag.up_s": x}}
+        rows_of(np.zeros((400, 1)), [{0: x}]),
+        endogenous={("dynamic", 0): {"motor_lag.up_s": endogenous_part("motor_lag.up_s", x)}},
     )
     noise = NoiseModel(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]), np.ones(1))
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)
     parts = [w.parts[0] for w in whites]
-    answers = [part.feedback_errors[0, 0] for part in parts]
+    answers = [part.errors.columns()[0, 0] for part in parts]
     sd = 1.0 / np.sqrt(3.0)
     for part, answer in zip(parts, answers, strict=True):
         share = answer / part.of([0])[0, 0]
@@ -220,12 +221,13 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
 
 def test_a_part_takes_more_answers_beside_those_that_it_has():
     part, sd = white_part([0], np.ones(3), np.ones((3, 1))), 1.0 / np.sqrt(3.0)
+    own = endogenous_part("motor_lag.up_s", np.ones(3))
     one, two = (
-        FeedbackErrors(((np.ones(3),),), np.array([[b]]), np.array([1.0 / sd])) for b in (1.0, 2.0)
+        FeedbackErrors(((own,),), np.array([[b]]), np.array([1.0 / sd])) for b in (1.0, 2.0)
     )
     both = part.with_feedback_errors(one).with_feedback_errors(two)
-    np.testing.assert_allclose(both.feedback_errors, [[[1.0] * 3, [2.0] * 3]])
-    assert part.feedback_errors.shape == (1, 0, 3)
+    np.testing.assert_allclose(both.errors.columns(), [[[1.0] * 3, [2.0] * 3]])
+    assert part.errors.columns().shape == (1, 0, 3)
 
 
 def test_unrest_is_over_the_middle_of_all_flights():

@@ -124,29 +124,23 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
     -----
     Each round is linearised about what is accepted, and adds effects that act through it.
     """
-    system, first, forms_replaced = start.system, None, False
-    selection = _Selection((), None, {})
-    contested: set[str] = set()
-    alike: dict[str, tuple[Alike, ...]] = {}
+    system, forms_replaced = start.system, False
+    selection, first = _Selection((), None, {}), None
     base = system.model
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
-        regression = start if first is None else _regression_of(listed, base, system)
-        regression, result = _search_with_refined_load(regression, listed, base, only)
-        first = first or (regression, result)
-        context = RuleContext(
-            regression, result, result.best.names, tuple(entries(regression, listed))
-        )
-        passing = apply_rules(SEARCH_RULES, context, sorted(result.inclusion), record)
-        passing = tuple(n for n in result.best.names if n in passing)
-        if not selection.names:
-            contested = _contested_names(context, record)
-            alike = {n: context.alike(n) for n in passing}
-        modifiers = _probable_modifiers(regression, result, listed, passing, only)
+        if first is None:
+            found = first = _search_round(start, listed, base, record, only)
+        else:
+            # rows of a round are as large as all columns, and gone before the fits
+            found = _search_round(
+                _regression_of(listed, base, system), listed, base, record, only
+            ).without_rows()
+        modifiers = found.modifiers
         new, polished = _fit_significant(
-            regression,
-            result,
-            (*passing, *modifiers),
+            found.regression,
+            found.result,
+            (*found.passing, *modifiers),
             modifiers,
             base,
             selection.fitted,
@@ -157,7 +151,8 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
         if polished is None or not new:
             break
         probability = {
-            n: modifiers[n].probability if n in modifiers else result.inclusion[n] for n in new
+            n: modifiers[n].probability if n in modifiers else found.result.inclusion[n]
+            for n in new
         }
         selection = selection.extend(new, polished, probability)
         names = selection.names
@@ -177,30 +172,73 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             if search_again
             else candidates_of(system.recordings, base, selection.names, only)
         )
-    regression, result = first or search_until_stable(start, (), ())[:2]
+    if first is None:
+        first = _Round(*search_until_stable(start, (), ())[:2])
+    inclusion = first.result.inclusion
     # a name that is probable, but failed another rule, is not open
-    settled = {
-        *selection.names,
-        *(
-            n
-            for n, p in result.inclusion.items()
-            if p >= settings.statistics.acceptance_probability
-        ),
-    }
+    least = settings.statistics.acceptance_probability
+    settled = {*selection.names, *(n for n, p in inclusion.items() if p >= least)}
     # what was open at first, and then was accepted with the others, is open no more
-    contested -= set(selection.names)
-    rivals = open_names(result, settled - contested, contested)
+    contested = {*first.contested} - {*selection.names}
+    rivals = open_names(first.result, settled - contested, contested)
     if rivals and not _still_needed(rivals, base, system):
         rivals = ()
     return Accepted(
         selection.names,
-        result,
-        regression,
+        first.result,
+        first.regression,
         selection.fitted,
         selection.probability,
         rivals,
         frozenset(contested),
-        alike=alike,
+        alike=first.alike,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Round:
+    """Search of one round, and what passes its rules.
+
+    Attributes
+    ----------
+    regression, result : the search.
+    passing : names that pass, in the order of the best set.
+    modifiers : of these names.
+    contested : names that could not be separated from others, and those others.
+    alike : places where each passing name does nearly the same in these flights.
+    """
+
+    regression: Regression
+    result: SearchResult
+    passing: tuple[str, ...] = ()
+    modifiers: Mapping[str, _Modifier] = dataclasses.field(default_factory=dict)
+    contested: frozenset[str] = frozenset()
+    alike: Mapping[str, tuple[Alike, ...]] = dataclasses.field(default_factory=dict)
+
+    def without_rows(self) -> _Round:
+        """Return it without the rows of its flights, which no fit of its names needs."""
+        return dataclasses.replace(self, regression=self.regression.without_rows())
+
+
+def _search_round(
+    regression: Regression,
+    listed: Sequence[Candidate],
+    base: Model,
+    record: DecisionLog,
+    only: Sequence[str] | None,
+) -> _Round:
+    """Search candidates added to the base, and decide which names pass."""
+    regression, result = _search_with_refined_load(regression, listed, base, only)
+    context = RuleContext(regression, result, result.best.names, tuple(entries(regression, listed)))
+    passing = apply_rules(SEARCH_RULES, context, sorted(result.inclusion), record)
+    passing = tuple(n for n in result.best.names if n in passing)
+    return _Round(
+        regression,
+        result,
+        passing,
+        _probable_modifiers(regression, result, listed, passing, only),
+        _contested_names(context, record),
+        {n: context.alike(n) for n in passing},
     )
 
 
@@ -278,7 +316,7 @@ def _with_best_forms_in_wind(
     )
 
 
-def _contested_names(context: RuleContext, record: DecisionLog) -> set[str]:
+def _contested_names(context: RuleContext, record: DecisionLog) -> frozenset[str]:
     """Return names that could not be separated from others, and those others."""
     result = context.result
     undone = [
@@ -290,9 +328,9 @@ def _contested_names(context: RuleContext, record: DecisionLog) -> set[str]:
     others = {
         n: [*(a.name for a in context.alike(n)), *context.untestable_rivals(n)] for n in undone
     }
-    return {
+    return frozenset(
         n for name in undone for n in (name, *rivals_nearly_as_good(result, name), *others[name])
-    }
+    )
 
 
 def _regression_of(listed: Sequence[Candidate], base: Model, like: System) -> Regression:

@@ -44,14 +44,13 @@ def _commanded_speeds_of_each(
 
     Rotor speeds are (n, rotors) rad/s each.
     """
-    # few sets change the commands: the inputs of all others are the same
+    # few sets change the commands in another way: the inputs of all others are the same
     tables: dict[str, np.ndarray] = {}
     batch = []
     for e in sets:
-        key = repr(e) if _command_modifiers(e) else ""
+        key = repr(_of_commands(e))
         if key not in tables:
-            commands = motor_commands(flight, model, e if key else {})
-            tables[key] = _drive_inputs(flight, commands)
+            tables[key] = _drive_inputs(flight, motor_commands(flight, model, e))
         batch.append((flight, e, tables[key]))
     return _fly_motors(batch, model)
 
@@ -72,11 +71,13 @@ def _fly_motors(
     ]
 
 
-def _command_modifiers(effects: effect_table.Effects) -> set[str]:
-    """Return actuators that change the commands of another effect."""
-    return {
-        name for name in effects_of_kind(effects, "actuator") if effect_table.get(name).modifies
+def _of_commands(effects: effect_table.Effects) -> dict:
+    """Return actuators that change the commands of another effect, and those effects."""
+    acting = {
+        n: m for n in effects_of_kind(effects, "actuator") if (m := effect_table.get(n).modifies)
     }
+    on = {*acting, *acting.values()}
+    return {name: values for name, values in effects.items() if name in on}
 
 
 def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
@@ -98,11 +99,9 @@ def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects
     recorded path.
     """
     u = flight.stack("command").clip(0.0, 1.0)
-    acting = _command_modifiers(effects)
-    if not acting:
+    on = _of_commands(effects)
+    if not on:
         return u
-    modified = {m for a in acting if (m := effect_table.get(a).modifies)}
-    on = {name: effects[name] for name in acting | modified if name in effects}
     samples = effect_table.Samples.from_columns(
         {**state_columns(flight, model), **dict(zip(command(model.n_rotors), u.T, strict=True))}
     )

@@ -53,9 +53,6 @@ VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
 DRIVE, MOTION = "drive", "motion"
 
-EndogenousParts = Mapping[tuple[str, int], Mapping[str, np.ndarray]]
-"""By kind and channel, of every ``effect.parameter`` that has it there, (m,)."""
-
 
 def _effect_of(key: str) -> effect_table.Effect | None:
     """Return the effect of a number, or None for one of the vehicle that no effect corrects."""
@@ -389,6 +386,56 @@ PARTS: tuple[tuple[str, Callable[[_Channel], bool], Part], ...] = (
 """Endogenous part of columns (a, k) by kind, and whether a channel shows one."""
 
 
+@dataclasses.dataclass(frozen=True)
+class EndogenousPart:
+    """Endogenous part of one column in one channel, made where it is asked for.
+
+    Attributes
+    ----------
+    key : ``effect.parameter`` of the column.
+    column : (m,).
+    air : (m,) True for windows in the air; the part is zero elsewhere.
+    channel : of the column.
+    of_columns : makes the parts of columns of its kind.
+
+    Notes
+    -----
+    All of them would be half as large as all columns, which a system has anyway.
+    """
+
+    key: str
+    column: np.ndarray
+    air: np.ndarray
+    channel: _Channel
+    of_columns: Part
+
+    @functools.cached_property
+    def acts(self) -> bool:
+        """Whether the column acts on the channel."""
+        return bool(self.column.any())
+
+
+EndogenousParts = Mapping[tuple[str, int], Mapping[str, EndogenousPart]]
+"""By kind and channel, of every ``effect.parameter`` that has it there."""
+
+
+def values_of(parts: Sequence[EndogenousPart]) -> np.ndarray:
+    """Make endogenous parts of one kind in one channel.
+
+    Parameters
+    ----------
+    parts : j of them.
+
+    Returns
+    -------
+    (j, m).
+    """
+    any_part, x = parts[0], np.stack([p.column for p in parts]).T
+    keys, air = [p.key for p in parts], any_part.air
+    values = any_part.of_columns(x if air.all() else x[air], keys, any_part.channel)
+    return np.ascontiguousarray(_in_all_windows(air, values).T)
+
+
 def endogenous_parts(
     keys: Sequence[str],
     x: ColumnTable,
@@ -413,25 +460,33 @@ def endogenous_parts(
 
     Returns
     -------
-    By kind and channel, (m,) by ``effect.parameter``.
+    By kind and channel, by ``effect.parameter``.
 
     Notes
     -----
     Shapes of one parameter are endogenous alike: its first column stands for them.
     """
-    parts: dict[tuple[str, int], dict[str, np.ndarray]] = {}
+    parts: dict[tuple[str, int], dict[str, EndogenousPart]] = {}
+    nothing = np.zeros(x.shape[0])
     for kind, shows, part in PARTS:
         columns = _columns_of(kind, keys, on)
-        own = list(columns)
         for c, name in channels.items() if columns else ():
             channel = _Channel(name, instruments, length_s, rates_measured)
             if shows(channel):
                 # of a force and its moment the one that acts here. The moment of a ground effect
                 # counts in full while it is searched: it tells one from a fountain
-                acting = set(x.at[c].tolist()) if kind == MOTION else ()
-                at = [next((k for k in ks if k in acting), ks[0]) for ks in columns.values()]
-                values = _in_all_windows(air, part(x.of(c, at)[air], own, channel))
-                parts[kind, c] = dict(zip(own, np.ascontiguousarray(values.T), strict=True))
+                here = dict(zip(x.at[c].tolist(), x.values[c], strict=True))
+                acting = here if kind == MOTION else ()
+                parts[kind, c] = {
+                    key: EndogenousPart(
+                        key,
+                        here.get(next((k for k in ks if k in acting), ks[0]), nothing),
+                        air,
+                        channel,
+                        part,
+                    )
+                    for key, ks in columns.items()
+                }
     return parts
 
 

@@ -88,6 +88,11 @@ class Motion:
         return np.stack([self.columns[name] for name in BODY_RATE], axis=1)
 
     @functools.cached_property
+    def rate_products(self) -> np.ndarray:
+        """Products of the body rates about the other two axes, (n, 3) rad^2/s^2."""
+        return np.roll(self.omega, -1, axis=1) * np.roll(self.omega, 1, axis=1)
+
+    @functools.cached_property
     def velocity_terms(self) -> tuple[np.ndarray, np.ndarray]:
         """Velocity v_b in the body frame, and omega x v_b + R^T g; (n, 3) each."""
         # (1) of docs/method.md without the derivative: omega x v_b + R^T g

@@ -143,6 +143,7 @@ class Evaluation:
     output : the model's, along the flight.
     range_output : the model's for a rangefinder, see :func:`_range_output`; None where its
         residual was taken over.
+    measured : by channel, (m,) averages of the measured rates of change.
     residuals : by channel, (m,).
     """
 
@@ -152,6 +153,7 @@ class Evaluation:
     effects: effect_table.Effects
     output: effect_table.Replay
     range_output: effect_table.Replay | None
+    measured: Mapping[str, np.ndarray]
     residuals: Mapping[str, np.ndarray]
 
     def flies_the_same(self, drive: Drive, motion: Motion) -> bool:
@@ -256,6 +258,11 @@ def evaluate(
                 model.parameters, samples, modelled, model.terrain, wanted=_outputs_of(names)
             )
         )
+    measured = (
+        reuse.measured
+        if reuse and motion is reuse.motion
+        else _measured_rates(windows, names, motion)
+    )
     range_output = None
     same_lags = reuse is not None and range_lags(effects) == range_lags(reuse.effects)
     residuals: dict[str, np.ndarray] = {}
@@ -280,9 +287,9 @@ def evaluate(
                     flight, model, effects, drive, motion, output, reuse
                 )
             residuals.update(
-                _BLOCKS[block](flight, windows, model, names, drive, motion, block_output)
+                _BLOCKS[block](flight, windows, model, names, drive, motion, measured, block_output)
             )
-    return Evaluation(drive, motion, samples, effects, output, range_output, residuals)
+    return Evaluation(drive, motion, samples, effects, output, range_output, measured, residuals)
 
 
 def _range_output(
@@ -355,6 +362,21 @@ def _test_functions_of(
     return [(mark, *pair) for mark, pair in windows.functions.items() if channel + mark in names]
 
 
+def _measured_rates(
+    windows: Windows, names: Sequence[str], motion: Motion
+) -> dict[str, np.ndarray]:
+    """Return averages of dv_b/dt and dOmega/dt by channels of forces and moments, (m,).
+
+    The derivative is in the test function.
+    """
+    rates: dict[str, np.ndarray] = {}
+    if not {*FORCE}.isdisjoint(names):
+        rates.update(zip(FORCE, (windows.rate @ motion.velocity_terms[0]).T, strict=True))
+    for mark, _, rate in _test_functions_of(windows, MOMENT[0], names):
+        rates.update(zip((n + mark for n in MOMENT), (rate @ motion.omega).T, strict=True))
+    return rates
+
+
 def _force(
     flight: Prepared,
     windows: Windows,
@@ -362,18 +384,18 @@ def _force(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
+    measured: Mapping[str, np.ndarray],
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """Return the residual m (a - g) - F in the body frame, with the nominal mass.
 
-    In that unit a payload scales the model and not the measurement, noise and all. The derivative
-    of the velocity is in the test function.
+    In that unit a payload scales the model and not the measurement, noise and all.
     """
-    v, apparent = motion.velocity_terms
+    apparent = motion.velocity_terms[1]
     nominal_mass = model.number("mass_kg")
     acting = (nominal_mass / float(output["mass_kg"][0])) * output.force_N
-    residual = nominal_mass * (windows.rate @ v) + windows.mean @ (nominal_mass * apparent - acting)
-    return dict(zip(FORCE, residual.T, strict=True))
+    rest = windows.mean @ (nominal_mass * apparent - acting)
+    return {n: nominal_mass * measured[n] + r for n, r in zip(FORCE, rest.T, strict=True)}
 
 
 def _moment(
@@ -383,6 +405,7 @@ def _moment(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
+    measured: Mapping[str, np.ndarray],
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """Return the residual I dOmega + Omega x I Omega - M in the body frame.
@@ -392,18 +415,19 @@ def _moment(
     In that unit a wrong inertia scales the model and not the measurement. Otherwise the best fit
     would shrink both to nothing.
     """
-    omega, inertia = motion.omega, output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    inertia = output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
     nominal = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    # Omega x I Omega along principal axes: products of rates times differences of inertia
+    differences = np.roll(inertia, 1, axis=1) - np.roll(inertia, -1, axis=1)
     # (1) of docs/method.md over the modelled inertia, then times the nominal one
-    acting = (np.cross(omega, inertia * omega) - output.moment_Nm) / inertia
-    residuals = [
-        (mark, nominal * (rate @ omega + mean @ acting))
-        for mark, mean, rate in _test_functions_of(windows, "moment_x", names)
+    acting = (motion.rate_products * differences - output.moment_Nm) / inertia
+    rests = [
+        (mark, mean @ acting) for mark, mean, _ in _test_functions_of(windows, MOMENT[0], names)
     ]
     return {
-        name + mark: column
-        for mark, each in residuals
-        for name, column in zip(MOMENT, each.T, strict=True)
+        name + mark: inertia * (measured[name + mark] + column)
+        for mark, rest in rests
+        for name, inertia, column in zip(MOMENT, nominal, rest.T, strict=True)
     }
 
 
@@ -414,6 +438,7 @@ def _acc(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
+    measured: Mapping[str, np.ndarray],
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """Return the residual of the accelerometer, as a force with the nominal mass."""
@@ -433,6 +458,7 @@ def _drive(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
+    measured: Mapping[str, np.ndarray],
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """Return the residual of the rotor speeds against those that the commands make."""
@@ -456,6 +482,7 @@ def _range(
     names: Sequence[str],
     drive: Drive,
     motion: Motion,
+    measured: Mapping[str, np.ndarray],
     output: effect_table.Replay,
 ) -> dict[str, np.ndarray]:
     """Return the residual of the rangefinder."""

@@ -381,7 +381,9 @@ def residuals_with(system: System, model: Model) -> list[np.ndarray]:
     return each(lambda rows: flight_residuals(rows, system.names, model), system.flights)
 
 
-def flight_residuals(rows: FlightRows, names: Sequence[str], model: Model) -> np.ndarray:
+def flight_residuals(
+    rows: FlightRows, names: Sequence[str], model: Model, block: str = ""
+) -> np.ndarray:
     """Compute the residuals of one flight's windows under another model.
 
     Parameters
@@ -389,12 +391,16 @@ def flight_residuals(rows: FlightRows, names: Sequence[str], model: Model) -> np
     rows : of the flight.
     names : of the C channels.
     model : that is evaluated.
+    block : of channels that are wanted; all where not given.
 
     Returns
     -------
-    (m, C).
+    (m, C), NaN in channels that are not wanted.
     """
     here = _channels_of_flight(rows.flight, rows.windows, model, names)
+    here = tuple(name for name in here if block in ("", block_of(name)))
+    if not here:
+        return np.full_like(rows.y, np.nan)
     y = _in_all_channels(names, here, evaluate(rows.flight, rows.windows, model, here))
     return np.where(np.isfinite(rows.y), y, np.nan)
 
@@ -419,7 +425,7 @@ def with_trims_of(system: System, other: Model, like: System) -> System:
     """
 
     def of_flight(rows: FlightRows, like_rows: FlightRows) -> FlightRows:
-        before = flight_residuals(rows, system.names, other)
+        before = flight_residuals(rows, system.names, other, "moment")
         change = rows.y - before
         whole = np.isfinite(change[rows.air]).all(axis=0)
         moments = [c for c, n in enumerate(system.names) if block_of(n) == "moment" and whole[c]]

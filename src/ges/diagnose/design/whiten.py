@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.linalg import toeplitz
 
+from ges.diagnose.design.feedback import EndogenousPart, values_of
 from ges.diagnose.design.noise import NoiseModel, rows_followed, rows_in_run
 from ges.diagnose.design.system import FlightRows
 from ges.diagnose.design.table import Indices
@@ -60,12 +61,12 @@ class FeedbackErrors:
 
     Attributes
     ----------
-    unfiltered : j columns of each channel.
+    parts : j endogenous parts of each channel.
     bound : (g, j) of :func:`_error_bounds`.
     disturbance : (g,) of the channels, see :class:`NoiseModel`.
     """
 
-    unfiltered: Columns
+    parts: tuple[Sequence[EndogenousPart], ...]
     bound: np.ndarray
     disturbance: np.ndarray
 
@@ -78,56 +79,94 @@ class FeedbackErrors:
 
 
 @dataclasses.dataclass(frozen=True)
+class Errors:
+    """Columns of unit prior sd that residuals of g channels may err along.
+
+    Attributes
+    ----------
+    by_drive : (g, d, n) model errors of a drive, whitened.
+    by_feedback : errors that feedback may have caused.
+    whiten : what whitens columns (g, w, m).
+    """
+
+    by_drive: np.ndarray
+    by_feedback: tuple[FeedbackErrors, ...]
+    whiten: Callable[[np.ndarray], np.ndarray]
+
+    def columns(self) -> np.ndarray:
+        """Return the columns whitened, (g, j, n)."""
+        errors = [
+            _whitened_parts(self.whiten, e.parts) * e.size[..., None] for e in self.by_feedback
+        ]
+        return np.concatenate([self.by_drive, *errors], axis=1)
+
+    def shrink(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows times (1 + A^T A)^(-1/2), for the errors A.
+
+        Parameters
+        ----------
+        rows : (g, w, n), whitened.
+        """
+        directions = self._shrunk_directions
+        return rows - (rows @ directions.swapaxes(1, 2)) @ directions
+
+    @functools.cached_property
+    def _shrunk_directions(self) -> np.ndarray:
+        """B (g, r, n) of (1 + A^T A)^(-1/2) = 1 - B^T B, for errors A of rank r."""
+        # A A^T = V s V^T, and B = (q + q^2)^(-1/2) V^T A with q^2 = 1 + s
+        columns = self.columns()
+        size, v = np.linalg.eigh(columns @ columns.swapaxes(1, 2))
+        # many numbers of a drive do the same: what no channel has beyond rounding goes
+        rounding = size.shape[1] * np.finfo(float).eps * size.max(axis=1, initial=0.0)
+        kept = (size > rounding[:, None]).any(axis=0)
+        root = np.sqrt(1.0 + np.maximum(size[:, kept], 0.0))
+        return (v[:, :, kept] / np.sqrt(root * (1.0 + root))[:, None]).swapaxes(1, 2) @ columns
+
+
+def _whitened_parts(
+    whiten: Callable[[np.ndarray], np.ndarray], parts: Sequence[Sequence[EndogenousPart]]
+) -> np.ndarray:
+    """Return j endogenous parts of each of g channels whitened, (g, j, n)."""
+    return whiten(np.stack([values_of(own) for own in parts]))
+
+
+def _whitened(whiten: Callable[[np.ndarray], np.ndarray], columns: Columns) -> np.ndarray:
+    """Return w columns of each of g channels whitened, (g, w, n)."""
+    flat = [column for own in columns for column in own]
+    return whiten(np.stack(flat).reshape(len(columns), len(columns[0]), -1))
+
+
+@dataclasses.dataclass(frozen=True)
 class WhitePart:
     """Channels of a whitened flight that have the same rows, columns and kinds of errors.
 
     Attributes
     ----------
+    channels : numbers of the g channels.
     at : (n,) usable rows.
     columns : (k,) numbers of the columns that act there.
     y : (g, n) residuals of g channels.
     unfiltered : those k columns of each channel.
     innovations : what whitens columns (g, w, m).
-    drive_errors : (g, d, n) model errors of a drive, of unit prior sd.
-    by_feedback : errors that feedback may have caused.
+    errors : that the residuals may have.
     log_sd : sum of the log sds of all innovations, in the units of the channels.
+    first : the same channels in the first round of a fit, which all rounds share errors with.
 
     Notes
     -----
-    Whitened columns and errors are made where they are asked for: those of all candidates are many
-    times as large as a long flight.
+    Whitened columns are made where they are asked for: those of all candidates are many times as
+    large as a long flight.
     """
 
+    channels: tuple[int, ...]
     at: np.ndarray
     columns: np.ndarray
     y: np.ndarray
     unfiltered: Columns
     innovations: Callable[[np.ndarray], np.ndarray]
-    drive_errors: np.ndarray
-    by_feedback: tuple[FeedbackErrors, ...] = ()
+    errors: Errors
     log_sd: float = 0.0
-
-    @property
-    def feedback_errors(self) -> np.ndarray:
-        """Columns of unit prior sd, (g, j, n): model errors of a drive, and those by feedback."""
-        errors = [self.whitened(e.unfiltered) * e.size[..., None] for e in self.by_feedback]
-        return np.concatenate([self.drive_errors, *errors], axis=1)
-
-    def whitened(self, columns: Columns) -> np.ndarray:
-        """Return columns of each channel whitened.
-
-        Parameters
-        ----------
-        columns : w of each channel.
-
-        Returns
-        -------
-        (g, w, n).
-        """
-        flat = [column for own in columns for column in own]
-        if not flat:
-            return np.zeros((len(self.y), 0, len(self.at)))
-        return self.innovations(np.concatenate(flat).reshape(len(columns), len(columns[0]), -1))
+    first: WhitePart | None = None
 
     def of(self, wanted: Indices) -> np.ndarray:
         """Return some whitened columns.
@@ -141,7 +180,10 @@ class WhitePart:
         (g, w, n).
         """
         places = np.searchsorted(self.columns, wanted)
-        return self.whitened(tuple(tuple(own[i] for i in places) for own in self.unfiltered))
+        if not len(places):
+            return np.zeros((len(self.y), 0, len(self.at)))
+        picked = tuple(tuple(own[i] for i in places) for own in self.unfiltered)
+        return _whitened(self.innovations, picked)
 
     @functools.cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -151,8 +193,45 @@ class WhitePart:
         (g, j, j) and with those (g, j, k + 1).
         """
         rows = np.concatenate([self.of(self.columns), self.y[:, None]], axis=1)
-        errors, turned = self.feedback_errors, rows.swapaxes(1, 2)
+        errors, turned = self.errors.columns(), rows.swapaxes(1, 2)
         return rows @ turned, errors @ errors.swapaxes(1, 2), errors @ turned
+
+    @functools.cached_property
+    def shrunk(self) -> np.ndarray:
+        """All columns that act there, whitened and shrunk along the errors, (g, k, n)."""
+        return self.errors.shrink(self.of(self.columns))
+
+    def shrunk_with_residuals(self, wanted: Indices) -> np.ndarray:
+        """Return some columns and the residuals, whitened and shrunk along the errors.
+
+        Parameters
+        ----------
+        wanted : numbers of w of the columns that act there.
+
+        Returns
+        -------
+        (g, w + 1, n). Their products are those that errors leave when they are integrated out.
+        """
+        first, numbers = self.first or self, np.asarray(wanted, dtype=int)
+        # columns that the first round had, too, are the same objects
+        places = {
+            tuple(map(id, own)): i for i, own in enumerate(zip(*first.unfiltered, strict=True))
+        }
+        own = list(zip(*self.unfiltered, strict=True))
+        at = np.array(
+            [
+                places.get(tuple(map(id, own[k])), -1)
+                for k in np.searchsorted(self.columns, numbers)
+            ],
+            dtype=int,
+        )
+        rows = np.empty((len(self.y), len(numbers) + 1, len(self.at)))
+        known, new = np.flatnonzero(at >= 0), np.flatnonzero(at < 0)
+        rows[:, known] = first.shrunk[:, at[known]]
+        rows[:, np.r_[new, len(numbers)]] = self.errors.shrink(
+            np.concatenate([self.of(numbers[new]), self.y[:, None]], axis=1)
+        )
+        return rows
 
     def with_feedback_errors(self, errors: FeedbackErrors) -> WhitePart:
         """Return a copy with more errors that feedback may have caused.
@@ -161,7 +240,10 @@ class WhitePart:
         ----------
         errors : to add.
         """
-        return dataclasses.replace(self, by_feedback=(*self.by_feedback, errors))
+        by_feedback = (*self.errors.by_feedback, errors)
+        return dataclasses.replace(
+            self, errors=dataclasses.replace(self.errors, by_feedback=by_feedback)
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,9 +259,32 @@ class White:
     parts: tuple[WhitePart, ...]
     count: int
 
+    def with_errors_of(self, other: White) -> White | None:
+        """Return it with the errors of another one; None where their rows are not the same.
+
+        Parameters
+        ----------
+        other : the same flight, whitened by the same noise.
+        """
+        pairs = list(zip(self.parts, other.parts, strict=False))
+        same = len(self.parts) == len(other.parts) and all(
+            one.channels == known.channels
+            and np.array_equal(one.at, known.at)
+            and np.array_equal(one.errors.by_drive, known.errors.by_drive)
+            for one, known in pairs
+        )
+        parts = tuple(
+            dataclasses.replace(one, errors=known.errors, first=known.first or known)
+            for one, known in pairs
+        )
+        return White(parts, self.count) if same else None
+
 
 def whiten(
-    flights: Sequence[FlightRows], noise: NoiseModel, covariate: Sequence[np.ndarray]
+    flights: Sequence[FlightRows],
+    noise: NoiseModel,
+    covariate: Sequence[np.ndarray],
+    like: Sequence[White] = (),
 ) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model.
 
@@ -188,6 +293,8 @@ def whiten(
     flights : rows by flight.
     noise : of the channels.
     covariate : by flight, (m,) of :func:`variance_covariate`.
+    like : the same flights, whitened by the same noise with the same endogenous parts. They share
+        their errors, where the rows are the same.
 
     Notes
     -----
@@ -195,28 +302,62 @@ def whiten(
     """
     short = any(not rows.air.all() for rows in flights)
     filters = [_prediction_filter(ar) if short else _full_filter(ar)[None] for ar in noise.ar]
-    whitened = each(lambda rows, u: _whiten_flight(rows, noise, filters, u), flights, covariate)
+    whites = tuple(
+        each(lambda rows, u: _whiten_flight(rows, noise, filters, u), flights, covariate)
+    )
+    shared = [white.with_errors_of(known) for white, known in zip(whites, like, strict=False)]
+    if like and all(shared):
+        return tuple(white for white in shared if white)
+    return _with_feedback_errors(flights, whites, noise)
+
+
+def _with_feedback_errors(
+    flights: Sequence[FlightRows], whites: Sequence[White], noise: NoiseModel
+) -> tuple[White, ...]:
+    """Return whitened flights with the errors that feedback may have caused."""
+    powers = each(_power_of_endogenous, flights, whites)
+    parts = [{part.channels: part for part in white.parts} for white in whites]
     # one kind of response has one cause over all flights and channels, so they are bounded
     # together; the disturbance is larger than the noise by all that chosen effects explain
-    for kind in dict.fromkeys(kind for _, power in whitened for kind, _ in power):
-        of_kind = [{c: p for (k, c), p in power.items() if k == kind} for _, power in whitened]
-        for rows, (parts, _), bounds in zip(flights, whitened, _error_bounds(of_kind), strict=True):
-            for group in parts:
-                if group[0] in bounds:
-                    errors = FeedbackErrors(
-                        _endogenous(rows, kind, group),
-                        np.stack([bounds[c] for c in group]),
-                        noise.disturbance[list(group)],
-                    )
-                    parts[group] = parts[group].with_feedback_errors(errors)
+    for kind in dict.fromkeys(kind for power in powers for kind, _ in power):
+        of_kind = [{c: p for (k, c), p in power.items() if k == kind} for power in powers]
+        for rows, own, bounds in zip(flights, parts, _error_bounds(of_kind), strict=True):
+            for group in [group for group in own if group[0] in bounds]:
+                acting, at = _endogenous(rows, kind, group)
+                if at:
+                    sizes = np.stack([bounds[c][at] for c in group])
+                    errors = FeedbackErrors(acting, sizes, noise.disturbance[list(group)])
+                    own[group] = own[group].with_feedback_errors(errors)
     return tuple(
-        White(tuple(parts.values()), rows.x.shape[2])
-        for rows, (parts, _) in zip(flights, whitened, strict=True)
+        White(tuple(own.values()), white.count) for own, white in zip(parts, whites, strict=True)
     )
 
 
-def _endogenous(rows: FlightRows, kind: str, channels: Sequence[int]) -> Columns:
-    return tuple(tuple(rows.endogenous[kind, c].values()) for c in channels)
+def _power_of_endogenous(rows: FlightRows, white: White) -> dict[tuple[str, int], np.ndarray]:
+    """Return mean squares (j,) of the whitened endogenous parts, by kind and channel."""
+    power: dict[tuple[str, int], np.ndarray] = {}
+    for part in white.parts:
+        group = part.channels
+        for kind in (kind for kind, channel in rows.endogenous if channel == group[0]):
+            parts, at = _endogenous(rows, kind, group)
+            mean_squares = np.zeros((len(group), len(rows.endogenous[kind, group[0]])))
+            if at:
+                whitened = _whitened_parts(part.innovations, parts)
+                mean_squares[:, at] = (whitened**2).mean(axis=2)
+            power.update(((kind, c), own) for c, own in zip(group, mean_squares, strict=True))
+    return power
+
+
+def _endogenous(
+    rows: FlightRows, kind: str, channels: Sequence[int]
+) -> tuple[tuple[list[EndogenousPart], ...], list[int]]:
+    """Return the endogenous parts of those columns that act on some of g channels.
+
+    They come with their numbers among all of the kind.
+    """
+    every = [list(rows.endogenous[kind, c].values()) for c in channels]
+    at = [i for i, own in enumerate(zip(*every, strict=True)) if any(p.acts for p in own)]
+    return tuple([own[i] for i in at] for own in every), at
 
 
 def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
@@ -248,13 +389,9 @@ def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, n
 
 def _whiten_flight(
     rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
-) -> tuple[dict[tuple[int, ...], WhitePart], dict[tuple[str, int], np.ndarray]]:
-    """Return whitened parts by their channels, and mean squares of endogenous ones.
-
-    The latter are by kind and channel.
-    """
-    parts: dict[tuple[int, ...], WhitePart] = {}
-    power: dict[tuple[str, int], np.ndarray] = {}
+) -> White:
+    """Return a whitened flight, without errors that feedback may have caused."""
+    parts: list[WhitePart] = []
     order, past = noise.ar.shape[1], rows_followed(rows.y, rows_in_run(rows.follows))
     # replays settle from a start that they guess
     later = rows.windows.center > (order + 1) * rows.windows.half
@@ -276,21 +413,19 @@ def _whiten_flight(
             else np.zeros((len(group), 0, len(at)))
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
-        part = WhitePart(
-            at,
-            rows.x.at[c],
-            innovations(rows.y[:, None, channels].T)[:, 0],
-            tuple(rows.x.values[c] for c in group),
-            innovations,
-            drive_errors,
-            log_sd=float(np.log(innovations.sd).sum()),
+        parts.append(
+            WhitePart(
+                group,
+                at,
+                rows.x.at[c],
+                innovations(rows.y[:, None, channels].T)[:, 0],
+                tuple(rows.x.values[c] for c in group),
+                innovations,
+                Errors(drive_errors, (), innovations),
+                float(np.log(innovations.sd).sum()),
+            )
         )
-        parts[group] = part
-        for kind in (kind for kind, channel in rows.endogenous if channel == c):
-            whitened = part.whitened(_endogenous(rows, kind, group))
-            mean_squares = (whitened**2).mean(axis=2)
-            power.update(((kind, c), own) for c, own in zip(group, mean_squares, strict=True))
-    return parts, power
+    return White(tuple(parts), rows.x.shape[2])
 
 
 def _alike(

@@ -42,7 +42,7 @@ class Fitted:
     covariance : (k, k) of them.
     joint : the fit as a vehicle flies it, with the levers of its file.
     joint_free_moments : the fit in which small moments have coefficients of their own.
-    regression : the rows at the last linearisation.
+    regression : the system and noise of the last linearisation, without whitened rows.
     chord_covariance : (k, k) with corrections of nominal parameters linearised along the chord to
         no correction; None where none is free.
     """
@@ -439,7 +439,9 @@ def polish(
             design = with_trims_of(system, others, like) if dynamic else system
             noise = fixed_noise or (known.noise if known else None)
             regression = whiten_system(
-                design, noise or estimate_noise(design, free_columns(design))
+                design,
+                noise or estimate_noise(design, free_columns(design)),
+                known.whites if known else (),
             )
             return _linearise(values, free, regression, model), system
 
@@ -478,10 +480,13 @@ def polish(
     chord = None
     if any(_chord_amplitude(name, at.values) for name in free):
         chord = linearised(at.values, at, chords=True)[0].covariance
-    if not dynamic and len(at.chosen) == len(free):
-        return Fitted(at.values, free, at.covariance, at.joint, at.joint, at.regression, chord)
-    regression = whiten_system(flown, at.regression.noise) if dynamic else at.regression
-    joint = _refit_trims(regression, at.chosen, at.joint, len(free))
+    regression, joint = at.regression, at.joint
+    if dynamic:
+        regression = whiten_system(flown, regression.noise, regression.whites)
+    if dynamic or len(at.chosen) > len(free):
+        joint = _refit_trims(regression, at.chosen, joint, len(free))
+    # whitened rows are as large as a long flight, and nobody asks a finished fit for them
+    regression = dataclasses.replace(regression, whites=())
     return Fitted(at.values, free, at.covariance, joint, at.joint, regression, chord)
 
 

@@ -20,7 +20,6 @@ from ges.conventions import SDS_95
 from ges.diagnose.design.columns import nuisance_of
 from ges.diagnose.design.system import System
 from ges.diagnose.design.table import Indices
-from ges.diagnose.design.whiten import White
 from ges.diagnose.select.evidence import (
     Gram,
     Regression,
@@ -299,19 +298,7 @@ def _jackknife_sds(
 def _by_block(regression: Regression, kept: np.ndarray) -> list[list[Gram]]:
     """Return normal equations of the kept columns by flight and block of time."""
     blocks = regression.system.blocks(settings.statistics.block_s)
-    return each(lambda w, b: _block_grams(w, kept, b), regression.whites, blocks)
-
-
-def _block_grams(white: White, kept: np.ndarray, block: np.ndarray) -> list[Gram]:
-    """Return normal equations of the kept columns by block of time of one flight."""
-    number = np.unique(block, return_inverse=True)[1]
-    empty = Gram(np.zeros((len(kept),) * 2), np.zeros(len(kept)), 0.0, 0.0)
-    grams = [empty] * int(number.max(initial=-1) + 1)
-    for part in white.parts:
-        places = np.flatnonzero(np.isin(kept, part.columns))
-        for i, gram in block_grams(part, kept[places], number):
-            grams[i] = grams[i] + gram.spread(places, len(kept))
-    return grams
+    return each(lambda w, b: block_grams(w, kept, b), regression.whites, blocks)
 
 
 def pinned_priors(joint: JointFit) -> dict[str, tuple[float, float]]:

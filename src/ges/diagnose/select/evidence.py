@@ -6,7 +6,6 @@ Nuisances are integrated out, common ones and those by flight; see section 7 of 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
@@ -15,7 +14,6 @@ import numpy as np
 from ges.diagnose.design.columns import DesignColumn, nuisance_of, variant_of
 from ges.diagnose.design.noise import NoiseModel, estimate_noise, variance_covariate
 from ges.diagnose.design.system import System
-from ges.diagnose.design.table import Indices
 from ges.diagnose.design.whiten import White, WhitePart, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
@@ -102,18 +100,6 @@ class Gram:
         """
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
-    def spread(self, places: np.ndarray, count: int) -> Gram:
-        """Return the normal equations among more columns, which do not act.
-
-        Parameters
-        ----------
-        places : (K,) where these columns stand.
-        count : number of all columns.
-        """
-        xx, xy = np.zeros((count, count)), np.zeros(count)
-        xx[np.ix_(places, places)], xy[places] = self.xx, self.xy
-        return Gram(xx, xy, self.yy, self.n)
-
 
 def gram_of(white: White, tempering: float = 1.0) -> Gram:
     """Return the normal equations of a whitened flight, with feedback errors integrated out.
@@ -145,49 +131,31 @@ def _gram_with_residuals(products: np.ndarray, count: float) -> Gram:
     return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), count)
 
 
-def block_grams(part: WhitePart, wanted: np.ndarray, block: np.ndarray) -> list[tuple[int, Gram]]:
+def block_grams(white: White, wanted: np.ndarray, block: np.ndarray) -> list[Gram]:
     """Return normal equations by block of time, with feedback errors as in :func:`gram_of`.
 
     Parameters
     ----------
-    part : channels of a whitened flight.
-    wanted : numbers of w of the columns that act there.
+    white : the flight.
+    wanted : numbers of w columns.
     block : (m,) number of the block of every row.
-
-    Returns
-    -------
-    Number of the block and normal equations of each.
     """
-    rows, number = whitened_against_feedback(part, wanted), block[part.at]
-    # rows come in order of time, so that a block is one run of them
-    first = np.flatnonzero(np.diff(number, prepend=-1)).tolist()
-    grams = []
-    for a, b in itertools.pairwise([*first, len(number)]):
-        own = rows[..., a:b]
-        products = (own @ own.swapaxes(1, 2)).sum(axis=0)
-        grams.append((int(number[a]), _gram_with_residuals(products, float(len(own) * (b - a)))))
-    return grams
-
-
-def whitened_against_feedback(part: WhitePart, wanted: Indices) -> np.ndarray:
-    """Return rows whose products are those of :func:`gram_of`.
-
-    Parameters
-    ----------
-    part : channels of a whitened flight.
-    wanted : numbers of w of the columns that act there.
-
-    Returns
-    -------
-    Columns with the residual behind them (g, w + 1, n), shrunk along the feedback errors.
-    """
-    rows, errors = np.concatenate([part.of(wanted), part.y[:, None]], axis=1), part.feedback_errors
-    # (1 + A A^T)^(-1/2) = 1 - A V (1 / (r + r^2)) V^T A^T for the feedback errors A, where
-    # A^T A = V s V^T and r^2 = 1 + s
-    size, v = np.linalg.eigh(errors @ errors.swapaxes(1, 2))
-    root = np.sqrt(1.0 + np.maximum(size, 0.0))
-    shrunk = (v / (root * (1.0 + root))[:, None]) @ v.swapaxes(1, 2)
-    return rows - (shrunk @ (errors @ rows.swapaxes(1, 2))).swapaxes(1, 2) @ errors
+    numbers, block = np.unique(block, return_inverse=True)
+    products = np.zeros((len(numbers), len(wanted) + 1, len(wanted) + 1))
+    count = np.zeros(len(numbers))
+    for part in white.parts:
+        places = np.flatnonzero(np.isin(wanted, part.columns))
+        rows, number = part.shrunk_with_residuals(wanted[places]), block[part.at]
+        # rows of all channels side by side; they come in order of time, so that a block is one run
+        rows, g = rows.transpose(1, 2, 0).reshape(rows.shape[1], -1), len(rows)
+        first = np.flatnonzero(np.diff(number, prepend=-1))
+        past = np.r_[first[1:], len(number)]
+        runs = [rows[:, a:b] for a, b in zip(g * first, g * past, strict=True)]
+        # the residual stands behind all columns
+        at = np.r_[places, len(wanted)]
+        products[np.ix_(number[first], at, at)] += np.stack([own @ own.T for own in runs])
+        count[number[first]] += g * (past - first)
+    return [_gram_with_residuals(p, float(n)) for p, n in zip(products, count, strict=True)]
 
 
 def _marginalise_copies(
@@ -398,7 +366,7 @@ class Regression:
     Attributes
     ----------
     system, noise : what was whitened, and by what.
-    whites : by flight.
+    whites : by flight; empty where they are no longer needed.
     by_flight : normal equations; empty where they were not counted.
     prior : of all columns.
     nuisance : numbers of the nuisance columns.
@@ -423,6 +391,11 @@ class Regression:
             if column.variant is not None and self.prior.sd[k] > 0:
                 columns.setdefault((column.variant.effect, column.variant.key), []).append(k)
         return columns
+
+    def without_rows(self) -> Regression:
+        """Return it without the flights, for what asks for columns and normal equations alone."""
+        system = dataclasses.replace(self.system, flights=())
+        return dataclasses.replace(self, system=system, whites=())
 
     def pool(self, but: Collection[int] = ()) -> Gram:
         """Return the normal equations of all flights, with common nuisances integrated out.
@@ -521,15 +494,16 @@ def make_regression(
     return dataclasses.replace(regression, by_flight=tuple(grams))
 
 
-def whiten_system(system: System, noise: NoiseModel) -> Regression:
+def whiten_system(system: System, noise: NoiseModel, like: Sequence[White] = ()) -> Regression:
     """Whiten a system by a known noise, without normal equations: what a fit needs.
 
     Parameters
     ----------
     system : of the flights.
     noise : of its channels.
+    like : as of :func:`~ges.diagnose.design.whiten.whiten`.
     """
-    whites = whiten(system.flights, noise, variance_covariate(system.flights))
+    whites = whiten(system.flights, noise, variance_covariate(system.flights), like)
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )
