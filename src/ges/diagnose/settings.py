@@ -292,6 +292,20 @@ class NumericsSettings:
     fit_rounds: int = number(
         12, "", "Most Gauss-Newton rounds of a fit.", Numerical("most fits need four"), low=1
     )
+    shortening_most: float = number(
+        0.1,
+        "",
+        "Least share of a step of a fit that is tried after it cost more than it saved.",
+        Numerical("the safeguard of interpolation, Nocedal and Wright 2006, section 3.5"),
+        high=1.0,
+    )
+    cached_numbers: int = number(
+        32768,
+        "",
+        "Numbers of a channel that are whitened together.",
+        Numerical("a quarter of a megabyte, which a core's cache has"),
+        low=1,
+    )
     bound_sweeps: int = number(
         3,
         "",

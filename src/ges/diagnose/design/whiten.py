@@ -17,9 +17,6 @@ from ges.diagnose.design.table import Indices
 from ges.diagnose.settings import settings
 from ges.threads import each
 
-CACHED = 2**15
-"""Numbers of a channel that are whitened together, so that they stay in the processor's cache."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Innovations:
@@ -40,7 +37,9 @@ class Innovations:
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Return innovations (g, w, n) of w columns (g, w, m) for each channel."""
-        weights, several = self.weights[:, None, self.lines], 1 + CACHED // (1 + x.shape[-1])
+        weights = self.weights[:, None, self.lines]
+        # a few columns at a time, so that they stay in the processor's cache
+        several = 1 + settings.numerics.cached_numbers // (1 + x.shape[-1])
         innovations = np.empty((*x.shape[:2], self.sd.shape[-1]))
         for first in range(0, x.shape[1], several):
             some, own = x[:, first : first + several], innovations[:, first : first + several]

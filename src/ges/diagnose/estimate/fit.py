@@ -381,10 +381,13 @@ def _interpolated_share(share: float, promised: float, risen: float) -> float:
 
     References
     ----------
-    Nocedal and Wright 2006, *Numerical Optimization*, section 3.5. Less than half of the share, and
-    no less than a tenth.
+    Nocedal and Wright 2006, *Numerical Optimization*, section 3.5. Less than half of the share,
+    and no less than ``numerics.shortening_most`` of it.
     """
-    return max(promised * share**2 / (risen + 2.0 * promised * share), 0.1 * share)
+    return max(
+        promised * share**2 / (risen + 2.0 * promised * share),
+        settings.numerics.shortening_most * share,
+    )
 
 
 def polish(
