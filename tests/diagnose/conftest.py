@@ -1,6 +1,8 @@
 """A small simulated quadrotor and its recorded flights, shared by the tests of the diagnosis."""
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +12,9 @@ from ges.conventions import BODY_RATE, POSITION, QUATERNION, REFERENCE, VELOCITY
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
 from ges.vehicle.file import Vehicle, parse_vehicle
+
+# a diagnosis that the tests of that room write
+sys.path.append(str(Path(__file__).parents[1] / "report"))
 
 ARM_M = 0.12
 SHEET = {

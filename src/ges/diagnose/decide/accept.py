@@ -130,17 +130,17 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
     listed = candidates_of(system.recordings, base, (), only)
     while listed:
         if first is None:
-            found = first = _search_round(start, listed, base, record, only)
+            latest = first = _search_round(start, listed, base, record, only)
         else:
             # rows of a round are as large as all columns, and gone before the fits
-            found = _search_round(
+            latest = _search_round(
                 _regression_of(listed, base, system), listed, base, record, only
             ).without_rows()
-        modifiers = found.modifiers
+        modifiers = latest.modifiers
         new, polished = _fit_significant(
-            found.regression,
-            found.result,
-            (*found.passing, *modifiers),
+            latest.regression,
+            latest.result,
+            (*latest.passing, *modifiers),
             modifiers,
             base,
             selection.fitted,
@@ -151,7 +151,7 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
         if polished is None or not new:
             break
         probability = {
-            n: modifiers[n].probability if n in modifiers else found.result.inclusion[n]
+            n: modifiers[n].probability if n in modifiers else latest.result.inclusion[n]
             for n in new
         }
         selection = selection.extend(new, polished, probability)

@@ -172,11 +172,8 @@ def _rows(reader: Any, log: _Log) -> dict[tuple[str, int], tuple[tuple[str, ...]
 
 
 @functools.cache
-def _dfreader() -> Any:
-    """Return the module of pymavlink that reads logs."""
-    # its fast indexer prints what it finds damaged past sys.stderr
-    os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
-    dfreader: Any = optional_module("pymavlink.DFReader", "ardupilot", "ArduPilot logs")
+def _keep_lengths_apart_from_zero(dfreader: Any) -> None:
+    """Change the module of pymavlink that reads logs."""
 
     class Format(dfreader.DFFormat):
         """A message's format that is no shorter than its header."""
@@ -186,11 +183,13 @@ def _dfreader() -> Any:
             super().__init__(number, name, max(length, _HEADER), *rest, **more)
 
     dfreader.DFFormat = Format
-    return dfreader
 
 
 def _open(path: Path) -> _Log:
-    dfreader = _dfreader()
+    # its fast indexer prints what it finds damaged past sys.stderr
+    os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
+    dfreader = optional_module("pymavlink.DFReader", "ardupilot", "ArduPilot logs")
+    _keep_lengths_apart_from_zero(dfreader)
     with path.open("rb") as file:
         binary = file.read(2) == _MAGIC
     log = _Log(path.stem)
