@@ -234,6 +234,15 @@ def test_what_was_moved_before_is_in_the_residual_already():
     np.testing.assert_allclose(first[:, 0], rows.y[:, 0] - 0.1 * rows.x.of(0, [0])[:, 0])
 
 
+def test_what_a_name_moves_is_in_the_residual_whole():
+    """A sagging battery beside a wrong thrust scale seemed to leave two newtons."""
+    moved = dataclasses.replace(MODEL, corrections={"inertia.xx": 0.4})
+    system = _system((COMMON,), (0.1,), model=moved)
+    without = JointFit(*[np.zeros(0)] * 3, 0.0, {}, {}, ({},) * 3)
+    (first, *_) = raw_residuals(system, without)
+    np.testing.assert_array_equal(first, system.flights[0].y[:, : len(system.main)])
+
+
 def test_on_the_ground_nothing_is_left_in_the_air():
     air = np.array([True, False, True])
     system = system_of(("force_z",), (), [rows_of(np.ones((3, 1)), air=air)])

@@ -405,11 +405,10 @@ def raw_residuals(system: System, joint: JointFit) -> list[np.ndarray]:
     """
     count, residuals, corrections = len(system.main), [], system.model.corrections
     for rows, own in zip(system.flights, joint.by_flight, strict=True):
-        # the residual was taken where numbers were moved to: only the rest of a correction is due
-        terms = {
-            k: joint.common.get(key, 0.0) - corrections.get(key, 0.0) + own.get(key, 0.0)
-            for key, k in system.nuisances.items()
-        }
+        # the residual was taken where numbers were moved to: only the rest of a correction is due,
+        # and none of a number that a name moves
+        rest = {key: value - corrections.get(key, 0.0) for key, value in joint.common.items()}
+        terms = {k: rest.get(key, 0.0) + own.get(key, 0.0) for key, k in system.nuisances.items()}
         residuals.append(rows.y[:, :count] - rows.weighted_columns(terms, count))
     return residuals
 
