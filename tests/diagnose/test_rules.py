@@ -253,16 +253,24 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
 
 @pytest.mark.parametrize(
     ("name", "channel", "passes"),
-    [("esc_delay", "drive_1", False), ("torque_coefficient", "moment_z", True)],
+    [
+        ("esc_delay", "drive_1", False),
+        # recalibration moved the very number
+        ("motor_lag", "drive_1", True),
+        ("torque_coefficient", "moment_z", True),
+    ],
 )
-def test_what_the_files_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, passes):
+def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, passes):
     """A delay of 33 ms and a lag of -25 ms undid each other, where the lag alone was as good."""
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    recalibrated = MODEL.with_effects({})
-    rms = {id(MODEL): 20.0, id(recalibrated): 2.0}
-    monkeypatch.setattr(rules, "residuals_with", lambda system, model: [rms[id(model)] * unit])
+    recalibrated = MODEL.with_effects({"motor_lag": {"up_s": 0.01, "down_s": 0.01}})
+    monkeypatch.setattr(
+        rules,
+        "residuals_with",
+        lambda system, model: [(2.0 if "motor_lag" in model.effects else 20.0) * unit],
+    )
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [2.1 * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [10.0 * unit]})
     (decision,) = practically_significant(fitted, (name,), MODEL, recalibrated).values()

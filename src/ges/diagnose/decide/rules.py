@@ -374,18 +374,12 @@ def practically_significant(
     there, and a delay that a lag undoes does no more than recalibration alone.
     """
     system = fitted.regression.system
-    as_given, as_set, after = (
-        np.array(
-            [
-                _mean_square(np.concatenate([r[:, c] for r in residuals]))
-                for c in range(len(system.main))
-            ]
-        )
-        for residuals in (
-            residuals_with(system, nominal),
-            residuals_with(system, recalibrated),
-            raw_residuals(system, fitted.joint),
-        )
+    as_given, after = (
+        [
+            _mean_square(np.concatenate([r[:, c] for r in residuals]))
+            for c in range(len(system.main))
+        ]
+        for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
     )
 
     def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
@@ -395,8 +389,13 @@ def practically_significant(
             return Decision(PRACTICAL, False, "shows nowhere")
         c, scale = system.main.index(channel), system.model.reference_scale(channel)
         corrects, gain = effect_table.get(name).about == "parameter", as_given[c] - after[c]
-        if not corrects and after[c] >= as_set[c]:
-            return Decision(PRACTICAL, False, f"the file's numbers alone do as well in {channel}")
+        if not corrects:
+            # recalibration may have moved this very number
+            effects = {e: v for e, v in recalibrated.effects.items() if e != name}
+            effects |= {e: v for e, v in nominal.effects.items() if e == name}
+            without = residuals_with(system, dataclasses.replace(recalibrated, effects=effects))
+            if after[c] >= _mean_square(np.concatenate([r[:, c] for r in without])):
+                return Decision(PRACTICAL, False, f"other numbers do as well in {channel}")
         # of what flights are nearer by no more is the name's than what it makes
         share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
         least = 0.0 if corrects else least_rms_in(channel, system.model) / scale
