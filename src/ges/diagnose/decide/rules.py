@@ -391,9 +391,7 @@ def practically_significant(
         corrects, gain = effect_table.get(name).about == "parameter", as_given[c] - after[c]
         if not corrects:
             # recalibration may have moved this very number
-            effects = {e: v for e, v in recalibrated.effects.items() if e != name}
-            effects |= {e: v for e, v in nominal.effects.items() if e == name}
-            without = residuals_with(system, dataclasses.replace(recalibrated, effects=effects))
+            without = residuals_with(system, recalibrated.with_effect_of(name, nominal))
             if after[c] >= _mean_square(np.concatenate([r[:, c] for r in without])):
                 return Decision(PRACTICAL, False, f"other numbers do as well in {channel}")
         # of what flights are nearer by no more is the name's than what it makes

@@ -85,22 +85,20 @@ def contributions_of(
     -------
     By flight, (m, C) in the channels' units.
     """
-    bare = {k: v for k, v in effects.items() if k != name}
-    bare |= {name: nominal.effects[name]} if name in nominal.effects else {}
     model = dataclasses.replace(system.model, effects=effects)
+    bare = model.with_effect_of(name, nominal)
     return each(
         lambda rows: _contribution_of_flight(rows, bare, model, system.main), system.flights
     )
 
 
 def _contribution_of_flight(
-    rows: FlightRows, effects: effect_table.Effects, model: Model, names: tuple[str, ...]
+    rows: FlightRows, bare: Model, model: Model, names: tuple[str, ...]
 ) -> np.ndarray:
-    """Return the residual with these effects less that with the model's, (m, C).
+    """Return the residual of the bare model less that of the model, (m, C).
 
     NaN where a channel is absent.
     """
-    bare = dataclasses.replace(model, effects=effects)
     here = channels(rows.flight, model)
     out = np.full((len(rows.windows), len(names)), np.nan)
     # residual is recorded less model: what an effect adds to the model it takes from the residual

@@ -187,6 +187,18 @@ class Model:
             merged[name] = {**merged.get(name, {}), **values}
         return dataclasses.replace(self, effects=merged)
 
+    def with_effect_of(self, name: str, other: Model) -> Model:
+        """Return a copy with one effect as another model has it, off where that has none.
+
+        Parameters
+        ----------
+        name : of the effect.
+        other : the model whose parameters it takes.
+        """
+        effects = {n: values for n, values in self.effects.items() if n != name}
+        effects |= {name: other.effects[name]} if name in other.effects else {}
+        return dataclasses.replace(self, effects=effects)
+
 
 def _relative(quantity: Quantity | None) -> float:
     return quantity.sd / abs(quantity.value) if quantity else 0.0
