@@ -128,9 +128,13 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
     selection, first = _Selection((), None, {}), None
     base = system.model
     listed = candidates_of(system.recordings, base, (), only)
+    contested: set[str] = set()
+    alike: dict[str, tuple[Alike, ...]] = {}
     while listed:
         if first is None:
             latest = first = _search_round(start, listed, base, record, only)
+            contested = _contested_names(first.context, record)
+            alike = {n: first.context.alike(n) for n in first.passing}
         else:
             # rows of a round are as large as all columns, and gone before the fits
             latest = _search_round(
@@ -138,8 +142,8 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             ).without_rows()
         modifiers = latest.modifiers
         new, polished = _fit_significant(
-            latest.regression,
-            latest.result,
+            latest.context.regression,
+            latest.context.result,
             (*latest.passing, *modifiers),
             modifiers,
             base,
@@ -151,7 +155,7 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
         if polished is None or not new:
             break
         probability = {
-            n: modifiers[n].probability if n in modifiers else latest.result.inclusion[n]
+            n: modifiers[n].probability if n in modifiers else latest.context.result.inclusion[n]
             for n in new
         }
         selection = selection.extend(new, polished, probability)
@@ -172,26 +176,29 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
             if search_again
             else candidates_of(system.recordings, base, selection.names, only)
         )
-    if first is None:
-        first = _Round(*search_until_stable(start, (), ())[:2])
-    inclusion = first.result.inclusion
+    regression, result = (
+        (first.context.regression, first.context.result)
+        if first
+        else search_until_stable(start, (), ())[:2]
+    )
+    inclusion = result.inclusion
     # a name that is probable, but failed another rule, is not open
     least = settings.statistics.acceptance_probability
     settled = {*selection.names, *(n for n, p in inclusion.items() if p >= least)}
     # what was open at first, and then was accepted with the others, is open no more
-    contested = {*first.contested} - {*selection.names}
-    rivals = open_names(first.result, settled - contested, contested)
+    contested -= {*selection.names}
+    rivals = open_names(result, settled - contested, contested)
     if rivals and not _still_needed(rivals, base, system):
         rivals = ()
     return Accepted(
         selection.names,
-        first.result,
-        first.regression,
+        result,
+        regression,
         selection.fitted,
         selection.probability,
         rivals,
         frozenset(contested),
-        alike=first.alike,
+        alike=alike,
     )
 
 
@@ -201,23 +208,19 @@ class _Round:
 
     Attributes
     ----------
-    regression, result : the search.
+    context : the search, as its rules saw it.
     passing : names that pass, in the order of the best set.
     modifiers : of these names.
-    contested : names that could not be separated from others, and those others.
-    alike : places where each passing name does nearly the same in these flights.
     """
 
-    regression: Regression
-    result: SearchResult
-    passing: tuple[str, ...] = ()
-    modifiers: Mapping[str, _Modifier] = dataclasses.field(default_factory=dict)
-    contested: frozenset[str] = frozenset()
-    alike: Mapping[str, tuple[Alike, ...]] = dataclasses.field(default_factory=dict)
+    context: RuleContext
+    passing: tuple[str, ...]
+    modifiers: Mapping[str, _Modifier]
 
     def without_rows(self) -> _Round:
         """Return it without the rows of its flights, which no fit of its names needs."""
-        return dataclasses.replace(self, regression=self.regression.without_rows())
+        bare = self.context.regression.without_rows()
+        return dataclasses.replace(self, context=dataclasses.replace(self.context, regression=bare))
 
 
 def _search_round(
@@ -232,14 +235,7 @@ def _search_round(
     context = RuleContext(regression, result, result.best.names, tuple(entries(regression, listed)))
     passing = apply_rules(SEARCH_RULES, context, sorted(result.inclusion), record)
     passing = tuple(n for n in result.best.names if n in passing)
-    return _Round(
-        regression,
-        result,
-        passing,
-        _probable_modifiers(regression, result, listed, passing, only),
-        _contested_names(context, record),
-        {n: context.alike(n) for n in passing},
-    )
+    return _Round(context, passing, _probable_modifiers(regression, result, listed, passing, only))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -316,7 +312,7 @@ def _with_best_forms_in_wind(
     )
 
 
-def _contested_names(context: RuleContext, record: DecisionLog) -> frozenset[str]:
+def _contested_names(context: RuleContext, record: DecisionLog) -> set[str]:
     """Return names that could not be separated from others, and those others."""
     result = context.result
     undone = [
@@ -328,9 +324,9 @@ def _contested_names(context: RuleContext, record: DecisionLog) -> frozenset[str
     others = {
         n: [*(a.name for a in context.alike(n)), *context.untestable_rivals(n)] for n in undone
     }
-    return frozenset(
+    return {
         n for name in undone for n in (name, *rivals_nearly_as_good(result, name), *others[name])
-    )
+    }
 
 
 def _regression_of(listed: Sequence[Candidate], base: Model, like: System) -> Regression:
