@@ -476,22 +476,17 @@ static void find_replayed(lanes_t *l) {
 
 static void impose_nothing(lanes_t *l, vd *y) { (void)l, (void)y; }
 
-static void impose_commands(lanes_t *l, vd *y) {
-  (void)y;
+/* What the table says of every rotor. */
+static void take_rotors(lanes_t *l, vd *rotors, int hold) {
   find_replayed(l);
-  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = input(&l->place, i, 1);
+  for (int i = 0; i < ROTORS_OF(&l->body); i++) rotors[i] = input(&l->place, i, hold);
 }
 
-static void impose_commands_between(lanes_t *l, vd *y) {
-  (void)y;
-  find_replayed(l);
-  for (int i = 0; i < ROTORS_OF(&l->body); i++) l->sample.u[i] = input(&l->place, i, 0);
-}
+static void impose_commands(lanes_t *l, vd *y) { (void)y, take_rotors(l, l->sample.u, 1); }
 
-static void impose_speeds(lanes_t *l, vd *y) {
-  find_replayed(l);
-  for (int i = 0; i < ROTORS_OF(&l->body); i++) y[Y_SPEED + i] = input(&l->place, i, 0);
-}
+static void impose_commands_between(lanes_t *l, vd *y) { (void)y, take_rotors(l, l->sample.u, 0); }
+
+static void impose_speeds(lanes_t *l, vd *y) { take_rotors(l, y + Y_SPEED, 0); }
 
 /* After what imposes the drive, which found the place. */
 static void impose_attitude(lanes_t *l, vd *y) {
