@@ -184,7 +184,7 @@ def test_one_flight_with_the_string_tells_the_load_alone(recordings_dir, e8):
 
 def _loss_3(found: Diagnosis) -> Cause:
     """Loss of rotor 3 beyond the file's, if it alone had changed."""
-    return causes_of(found.workings.accepted.regression.system)[2][0]
+    return causes_of(found.workings.accepted.system)[2][0]
 
 
 def test_the_loss_grows_with_the_cut(diagnosed):

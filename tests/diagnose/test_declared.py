@@ -6,12 +6,11 @@ import pytest
 import ges
 from ges.diagnose.calibrate.calibrate import calibrate
 from ges.diagnose.decide.contradicted import Contradicted
-from ges.diagnose.design.system import residuals_with
+from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.joint import null_fit, with_corrections
 from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import library, out_of_reach
-from ges.diagnose.locate.stages import first_system
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.report.verdict import verdict_of
 from ges.diagnose.types.model import from_vehicle
@@ -35,7 +34,7 @@ def _frames(flown, vehicle, concealed, unlogged=()):
 def _null_fit(frames, vehicle):
     model = from_vehicle(vehicle)
     flights = pass_gate(frames, model, [f"f{i}" for i in range(len(frames))]).flights
-    return null_fit(first_system(flights, model))
+    return null_fit(build(flights, model, ()))
 
 
 def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):

@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from ges.diagnose.decide.unknown import unexplained_structures
+from ges.diagnose.locate import regimes
 from ges.diagnose.locate.regimes import (
     located_by_findings,
     located_by_open_names,
@@ -18,6 +19,7 @@ from ges.diagnose.locate.regimes import (
     strongest_entries,
 )
 from ges.diagnose.locate.structure import Structure, structures, varied_regimes
+from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.settings import using
 from ges.diagnose.types.model import from_vehicle
 
@@ -240,7 +242,8 @@ def test_a_finding_is_located_where_it_stands_out_of_the_noise(model):
 
 
 def _open(name, value, probability):
-    posterior = SimpleNamespace(columns=(0 if name == "a" else 1,), mean=[value])
+    columns = (0 if name == "a" else 1,)
+    posterior = Posterior(columns, np.array([value]), np.ones((1, 1)), 0.0)
     return SimpleNamespace(names=(name,), posterior=posterior, probability=probability)
 
 
@@ -249,7 +252,7 @@ def _open(name, value, probability):
     [((0.6, 0.38), ["force_x"]), ((0.6, 0.2), [])],
     ids=["one of them", "perhaps none"],
 )
-def test_what_is_open_is_located_where_every_explanation_acts(model, likely, channels):
+def test_what_is_open_is_located_where_every_explanation_acts(monkeypatch, likely, channels):
     """Two explanations of a side force, one with a moment too: the force is there whichever holds,
     the moment is not sure.
     """
@@ -271,19 +274,22 @@ def test_what_is_open_is_located_where_every_explanation_acts(model, likely, cha
         for ab in zip(shape, both, strict=True)
     ]
     columns = [SimpleNamespace(variant=SimpleNamespace(effect=n)) for n in "ab"]
-    regression = SimpleNamespace(
-        system=SimpleNamespace(main=NAMES, columns=columns, flights=flights)
+    system = SimpleNamespace(main=NAMES, flights=flights)
+    monkeypatch.setattr(
+        regimes,
+        "with_columns",
+        lambda system, wanted: SimpleNamespace(**{**vars(system), "columns": wanted}),
     )
     found = SimpleNamespace(
         hypotheses=[_open(n, 1.0, p) for n, p in zip("ab", likely, strict=True)]
     )
-    entries = located_by_open_names(found, regression, residuals, told, ())
+    entries = located_by_open_names(found, columns, system, residuals, told, ())
     assert [e["channel"] for e in entries] == channels
     assert all(
         e["q_value"] == pytest.approx(1.0 - sum(likely)) and "forward_m_s" in e["regime"]
         for e in entries
     )
-    assert located_by_open_names(found, regression, residuals, told, ("a", "b")) == []
+    assert located_by_open_names(found, columns, system, residuals, told, ("a", "b")) == []
 
 
 def test_every_channel_once_before_any_twice():

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import pytest
 
+from ges.diagnose.design.system import build
 from ges.diagnose.estimate.joint import null_fit
-from ges.diagnose.locate.stages import first_system
+from ges.diagnose.library.requirements import candidates_of
 
 from .synthetic import MODEL, manoeuvre
 
@@ -21,9 +22,10 @@ class _Used(NamedTuple):
 
 def _used(duration_s: float) -> _Used:
     flights = [manoeuvre(duration_s)]
+    variants = [v for c in candidates_of(flights, MODEL) for v in c.variants]
     tracemalloc.start()
     try:
-        system = first_system(flights, MODEL)
+        system = build(flights, MODEL, variants)
         before, _ = tracemalloc.get_traced_memory()
         fits = [null_fit(system) for _ in range(2)]
         after, most = tracemalloc.get_traced_memory()

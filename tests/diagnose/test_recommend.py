@@ -77,7 +77,10 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
     rivals = rivals_of(regression, open_sets)
     assert {r.names for r in rivals} == {("wind",), ("attitude_bias",)}
     ranked = {
-        o.manoeuvre: o for o in rank(regression, rivals, plans=("hover", "climbs", "yaw_turn"))
+        o.manoeuvre: o
+        for o in rank(
+            regression, regression.system.flights, rivals, plans=("hover", "climbs", "yaw_turn")
+        )
     }
     assert abs(ranked["hover"].so_far) < 3.0
     assert next(iter(ranked)) == "yaw_turn"
@@ -102,7 +105,9 @@ def test_what_stays_open_is_told(quad, judged):
     single = [
         h for h in search(regression, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
     ]
-    (option,) = rank(regression, rivals_of(regression, single), plans=("yaw_turn",))
+    (option,) = rank(
+        regression, regression.system.flights, rivals_of(regression, single), plans=("yaw_turn",)
+    )
     assert set(option.stays_open) == {"attitude_bias", "rotor_tilt"}
     assert option.separates[0] == "wind" and option.separates[1] in option.stays_open
 
@@ -116,14 +121,14 @@ def test_next_flight_of_an_open_question_and_of_none(quad, judged):
     assert {n for h in open_sets(found, ()) for n in h.names} == set(names), (
         "both explain the side force"
     )
-    told = separating_manoeuvre(regression, found, ())
+    told = separating_manoeuvre(regression, regression.system.flights, found, ())
     assert (
         told["manoeuvre"] in manoeuvres.MENU and told["expected_log_odds"] > told["so_far_log_odds"]
     )
     assert set(names) <= set(told["separates"])
     certain = dataclasses.replace(found.hypotheses[0], probability=1.0)
     settled = SearchResult((certain,), {n: float(n in certain.names) for n in names})
-    assert separating_manoeuvre(regression, settled, certain.names) == {}
+    assert separating_manoeuvre(regression, regression.system.flights, settled, certain.names) == {}
 
 
 @pytest.mark.parametrize(
@@ -151,7 +156,9 @@ def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
     open_sets = [
         h for h in search(regression, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
     ]
-    (option,) = rank(regression, rivals_of(regression, open_sets), plans=("yaw_turn",))
+    (option,) = rank(
+        regression, regression.system.flights, rivals_of(regression, open_sets), plans=("yaw_turn",)
+    )
     after, listed = judged(
         quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names
     )
@@ -176,7 +183,12 @@ def test_more_thrust_and_ground_effect_are_told_apart_by_a_ladder_of_heights(qua
             (chosen["ground_effect"],),
         ),
     ]
-    ranked = rank(regression, rivals, plans=("hover", "height_staircase", "yaw_turn"))
+    ranked = rank(
+        regression,
+        regression.system.flights,
+        rivals,
+        plans=("hover", "height_staircase", "yaw_turn"),
+    )
     assert ranked[0].manoeuvre == "height_staircase"
     assert ranked[0].expected_log_odds > 4.0 > 2.0 > max(o.expected_log_odds for o in ranked[1:])
 

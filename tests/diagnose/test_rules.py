@@ -370,7 +370,7 @@ def test_what_stands_at_a_bound_or_makes_nothing_is_not_flown(monkeypatch, sizes
     """
     fits = {n: SimpleNamespace(name=n) for n in sizes}
     result = SimpleNamespace(inclusion={"inertia": 0.5, "motor_lag": 0.3, "slung_load": 0.01})
-    accepted = Accepted((), result, None, "names alone", {}, (*sizes, "esc_delay"))
+    accepted = Accepted((), result, None, None, "names alone", {}, (*sizes, "esc_delay"))
     told = Explanation(accepted, None, None, [], {})
     monkeypatch.setattr(
         explanation,

@@ -123,10 +123,10 @@ RIVALS = [
 def _flying(monkeypatch, told):
     """Menus whose flights show the rivals' columns with sizes by plan, alike or apart."""
 
-    def simulate(model, rival, plan, logged, parameters):
+    def simulate(model, rival, plan, logged):
         return None if told[plan] is None else plan
 
-    def grams(regression, plan, keep, rivals):
+    def grams(regression, flights, plan, keep, rivals):
         x = told[plan] * np.random.default_rng(1).standard_normal((40, 2))
         return [Gram(x.T @ x, x.T @ y, float(y @ y), 40.0) for y in x.T]
 
@@ -140,9 +140,8 @@ def _rank(monkeypatch, told):
     flights = [
         dataclasses.replace(r, flight=hovering(**columns)) for r in regression.system.flights
     ]
-    system = dataclasses.replace(regression.system, flights=tuple(flights))
     _flying(monkeypatch, told)
-    return rank(dataclasses.replace(regression, system=system), RIVALS, plans=tuple(told))
+    return rank(regression.without_rows(), flights, RIVALS, plans=tuple(told))
 
 
 def test_the_manoeuvre_with_the_larger_gain_is_first_and_what_cannot_be_flown_is_none(monkeypatch):
@@ -162,4 +161,4 @@ def test_what_is_settled_is_not_counted_twice(monkeypatch):
 
 def test_without_anything_open_no_flight_is_asked_for():
     found = _search({(): (0.0, 1.0)}, {"wind": 0.001, "tether": 0.999})
-    assert next_flight(Accepted((), found, None, None, {}, ()), None) == {}
+    assert next_flight(Accepted((), found, None, None, None, {}, ()), None) == {}

@@ -25,7 +25,8 @@ def accepted(monkeypatch):
     return Accepted(
         tuple(VALUES),
         None,
-        SimpleNamespace(system=system),
+        None,
+        system,
         polish(None, VALUES, free),
         dict.fromkeys(VALUES, 0.99),
         (),

@@ -12,7 +12,7 @@ def test_a_drag_that_gusts_act_through_stands_without_the_wind_that_they_may_mak
     """
     asked = []
 
-    def accept(regression, record, only=None):
+    def accept(system, record, only=None):
         asked.append(only)
         return SimpleNamespace(names=tuple(only or ()), fitted=None)
 
@@ -21,7 +21,7 @@ def test_a_drag_that_gusts_act_through_stands_without_the_wind_that_they_may_mak
     monkeypatch.setattr(explanation, "_gusts", lambda a, *_: gusts if a.names else None)
     start = SimpleNamespace(
         system=SimpleNamespace(model=None),
-        linearised_about=lambda model: SimpleNamespace(regression=None),
+        linearised_about=lambda model: SimpleNamespace(system=None),
     )
     before = SimpleNamespace(
         names=("rotor_drag", "wind", "cg_offset"), fit=SimpleNamespace(effects={})

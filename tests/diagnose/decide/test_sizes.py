@@ -213,7 +213,7 @@ def test_an_effect_does_something_if_an_amplitude_is_beyond_its_sd(k_kg, acts):
 
 def test_modelled_is_all_that_is_fitted_what_a_name_acts_through_too():
     fitted = SimpleNamespace(effects={"rotor_drag": {}, "wind": {}})
-    accepted = Accepted((), None, None, fitted, {}, ("wind", "rotor_tilt"))
+    accepted = Accepted((), None, None, None, fitted, {}, ("wind", "rotor_tilt"))
     assert accepted.modelled == ("rotor_drag", "wind")
     assert dataclasses.replace(accepted, fitted=None).modelled == ()
 
@@ -231,7 +231,7 @@ def test_rivals_go_where_a_shifted_balance_or_healthy_flights_explain_them(
     moved, known, contested, open_still
 ):
     found = _search({("wind",): (1.0, 1.0)})
-    accepted = Accepted(("wind",), found, None, None, {}, ("tether",), frozenset(contested))
+    accepted = Accepted(("wind",), found, None, None, None, {}, ("tether",), frozenset(contested))
     last = type("Stage", (), {"model": MODEL})()
     declared = dataclasses.replace(MODEL, left_unexplained=known)
     told, left = without_idle_rivals(Explanation(accepted, None, last, [], {}), declared, moved)

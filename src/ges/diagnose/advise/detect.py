@@ -23,7 +23,7 @@ from scipy.special import ndtri
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.columns import DesignColumn, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
-from ges.diagnose.select.evidence import Gram, Regression, rms_of
+from ges.diagnose.select.evidence import Gram, Regression
 from ges.diagnose.select.search import log_odds_against_one_of, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
@@ -199,7 +199,7 @@ class _Sizes:
 
 
 def _sizes(regression: Regression) -> _Sizes:
-    system, rms = regression.system, rms_of(regression.system)
+    system, rms = regression.system, regression.rms
     block = np.array([block_of(name) for name in system.main])
     shares = rms / least_sizes(system)[:, None]
     # a share of weight has a meaning in forces and moments alone, not in the drive or the range

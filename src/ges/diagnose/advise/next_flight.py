@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from ges.diagnose.advise.recommend import Rival, open_sets, rank, rivals_of
 from ges.diagnose.decide.accept import Accepted
-from ges.diagnose.design.system import build
+from ges.diagnose.design.system import FlightRows, build
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import VOLTAGE, UnmeasuredThrust
 from ges.diagnose.library.candidates import flight_envelope
@@ -41,25 +41,26 @@ def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> d
     )
     if not accepted.rivals and not doubtful:
         return {}
-    return separating_manoeuvre(accepted.regression, accepted.result, accepted.names)
+    return separating_manoeuvre(
+        accepted.regression, accepted.system.flights, accepted.result, accepted.names
+    )
 
 
 def separating_manoeuvre(
     regression: Regression,
+    flights: Sequence[FlightRows],
     result: SearchResult,
     proven: Sequence[str],
-    parameters: Mapping[str, float] | None = None,
 ) -> dict:
     """Return the best manoeuvre between the sets of names that are open.
 
     Parameters
     ----------
-    regression, result : of the search.
+    regression, flights, result : of the search.
     proven : names that are accepted.
-    parameters : as for :func:`~ges.diagnose.advise.recommend.rank`.
     """
     rivals = rivals_of(regression, open_sets(result, proven))
-    ranked = rank(regression, rivals, parameters) if len(rivals) > 1 else []
+    ranked = rank(regression, flights, rivals) if len(rivals) > 1 else []
     return ranked[0].content() if ranked else {}
 
 
@@ -73,7 +74,7 @@ def _with_voltage(thrust: UnmeasuredThrust) -> dict:
         Rival(names, effects, _columns(regression, names))
         for names, effects in thrust.explanations().items()
     ]
-    ranked = rank(regression, rivals, also_logged=(VOLTAGE,))
+    ranked = rank(regression, system.flights, rivals, also_logged=(VOLTAGE,))
     if not ranked:
         return {}
     return {**ranked[0].content(), "preparation": f"the battery voltage logged ({VOLTAGE})"}

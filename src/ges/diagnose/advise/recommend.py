@@ -16,7 +16,7 @@ import pandas as pd
 from scipy.special import softmax
 
 from ges.conventions import MAX_ROTORS
-from ges.diagnose.design.system import flight_residuals, flight_rows
+from ges.diagnose.design.system import FlightRows, flight_residuals, flight_rows
 from ges.diagnose.design.whiten import whiten
 from ges.diagnose.estimate.fit import starting_values
 from ges.diagnose.prepare.align import Prepared
@@ -145,9 +145,7 @@ def _logged_columns(flights: Sequence[Prepared]) -> list[str]:
     return ["t_s", *sorted(common & {*sim.columns(MAX_ROTORS), *READINGS, "ground_z_m"})]
 
 
-def simulate(
-    model: Model, rival: Rival, plan: str, logged: Sequence[str], parameters: Mapping[str, float]
-) -> Prepared | None:
+def simulate(model: Model, rival: Rival, plan: str, logged: Sequence[str]) -> Prepared | None:
     """Fly one manoeuvre with a rival's effects, recorded as the flights so far were.
 
     Parameters
@@ -156,7 +154,6 @@ def simulate(
     rival : whose effects act.
     plan : name of the manoeuvre.
     logged : columns that are recorded.
-    parameters : of the simulator.
 
     Returns
     -------
@@ -164,7 +161,7 @@ def simulate(
     """
     table = manoeuvres.make(plan, settings.advise.duration_s)
     numbers: dict[str, float | str] = {
-        **parameters,
+        **model.parameters,
         "attitude_kp": settings.advise.attitude_kp,
         # critically damped, kd = 2 sqrt(kp)
         "attitude_kd": 2.0 * math.sqrt(settings.advise.attitude_kp),
@@ -193,18 +190,20 @@ def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarr
 
 
 def _grams(
-    regression: Regression, flight: Prepared, keep: np.ndarray, rivals: Sequence[Rival]
+    regression: Regression,
+    flights: Sequence[FlightRows],
+    flight: Prepared,
+    keep: np.ndarray,
+    rivals: Sequence[Rival],
 ) -> list[Gram]:
     """Return the normal equations of one more flight if each rival were true.
 
     They are in the noise of the flights so far.
     """
     system, columns = regression.system, [regression.system.columns[k] for k in keep]
-    rows = flight_rows(
-        flight, system.model, system.names, columns, system.flights[0].windows.length_s
-    )
+    rows = flight_rows(flight, system.model, system.names, columns, flights[0].windows.length_s)
     # h of equation (4), over the median of the flights so far: their noise model is in that unit
-    usual = np.median(np.concatenate([r.covariate for r in system.flights])) or 1.0
+    usual = np.median(np.concatenate([r.covariate for r in flights])) or 1.0
     grams = []
     for rival in rivals:
         # what was flown drops out of the difference, and the rival less the model is left
@@ -250,8 +249,8 @@ def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
 
 def rank(
     regression: Regression,
+    flights: Sequence[FlightRows],
     rivals: Sequence[Rival],
-    parameters: Mapping[str, float] | None = None,
     plans: Sequence[str] = tuple(manoeuvres.MENU),
     also_logged: Collection[str] = (),
 ) -> list[Option]:
@@ -260,15 +259,14 @@ def rank(
     Parameters
     ----------
     regression : of the search over the flights so far.
+    flights : so far, whatever their columns.
     rivals : two or more open explanations.
-    parameters : numbers to fly with, where the vehicle file is not complete enough; the model's
-        otherwise.
     plans : names of the menu in ``ges.simulator.manoeuvres``.
     also_logged : columns that only the next flight will have; the flights so far then count as no
         evidence.
     """
     model, keep = regression.system.model, _columns_in_use(regression, rivals)
-    logged = [*_logged_columns([r.flight for r in regression.system.flights]), *also_logged]
+    logged = [*_logged_columns([r.flight for r in flights]), *also_logged]
     past = sum((g.take(keep) for g in regression.by_flight[1:]), regression.by_flight[0].take(keep))
     past = past.scale(0.0) if also_logged else past
     now = _log_evidence(regression, past, keep, rivals)
@@ -276,11 +274,9 @@ def rank(
     labels, options, reserves = _labels(rivals), [], {}
     expected_now = _expected_lead(chance, [_lead(now, i) for i in range(len(rivals))])
     likeliest = rivals[int(np.argmax(now))]
-    flights = each(
-        lambda plan: simulate(model, likeliest, plan, logged, parameters or model.parameters), plans
-    )
-    flown = {plan: f for plan, f in zip(plans, flights, strict=True) if f is not None}
-    grams_by_plan = each(lambda f: _grams(regression, f, keep, rivals), flown.values())
+    made = each(lambda plan: simulate(model, likeliest, plan, logged), plans)
+    flown = {plan: f for plan, f in zip(plans, made, strict=True) if f is not None}
+    grams_by_plan = each(lambda f: _grams(regression, flights, f, keep, rivals), flown.values())
     for plan, grams in zip(flown, grams_by_plan, strict=True):
         after = [_log_evidence(regression, past + gram, keep, rivals) for gram in grams]
         leads = [_lead(evidence, i) for i, evidence in enumerate(after)]

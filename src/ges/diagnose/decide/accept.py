@@ -82,7 +82,8 @@ class Accepted(_WithFit):
     Attributes
     ----------
     names : accepted effects.
-    found, regression : the first search, with no name accepted yet.
+    result, regression : the first search, with no name accepted yet, without its rows.
+    system : of the flights, without candidates.
     fitted : the accepted names fitted in full; None where there are none.
     probability : posterior probability of every accepted name.
     rivals : names of which one is needed, the most probable first.
@@ -94,6 +95,7 @@ class Accepted(_WithFit):
     names: tuple[str, ...]
     result: SearchResult
     regression: Regression
+    system: System
     fitted: Fitted | None
     probability: dict[str, float]
     rivals: tuple[str, ...]
@@ -111,12 +113,12 @@ class Accepted(_WithFit):
         return tuple(n for n in self.fitted.effects if n != LAW) if self.fitted else ()
 
 
-def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = None) -> Accepted:
+def accept(system: System, record: DecisionLog, only: Sequence[str] | None = None) -> Accepted:
     """Search the library in rounds, and accept what passes the rules.
 
     Parameters
     ----------
-    start : regression of the nominal vehicle.
+    system : of the recalibrated vehicle, without candidates.
     record : takes every decision.
     only : fit exactly these names instead of searching.
 
@@ -124,22 +126,19 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
     -----
     Each round is linearised about what is accepted, and adds effects that act through it.
     """
-    system, forms_replaced = start.system, False
-    selection, first = _Selection((), None, {}), None
+    forms_replaced, selection, first = False, _Selection((), None, {}), None
     base = system.model
     listed = candidates_of(system.recordings, base, (), only)
     contested: set[str] = set()
     alike: dict[str, tuple[Alike, ...]] = {}
     while listed:
+        latest = _search_round(_regression_of(listed, base, system), listed, base, record, only)
         if first is None:
-            latest = first = _search_round(start, listed, base, record, only)
-            contested = _contested_names(first.context, record)
-            alike = {n: first.context.alike(n) for n in first.passing}
-        else:
-            # rows of a round are as large as all columns, and gone before the fits
-            latest = _search_round(
-                _regression_of(listed, base, system), listed, base, record, only
-            ).without_rows()
+            contested = _contested_names(latest.context, record)
+            alike = {n: latest.context.alike(n) for n in latest.passing}
+        # rows of a round are as large as all columns, and gone before the fits
+        latest = latest.without_rows()
+        first = first or latest
         modifiers = latest.modifiers
         new, polished = _fit_significant(
             latest.context.regression,
@@ -179,7 +178,7 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
     regression, result = (
         (first.context.regression, first.context.result)
         if first
-        else search_until_stable(start, (), ())[:2]
+        else search_until_stable(make_regression(system), (), ())[:2]
     )
     inclusion = result.inclusion
     # a name that is probable, but failed another rule, is not open
@@ -194,6 +193,7 @@ def accept(start: Regression, record: DecisionLog, only: Sequence[str] | None = 
         selection.names,
         result,
         regression,
+        system,
         selection.fitted,
         selection.probability,
         rivals,
@@ -596,7 +596,7 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
     accepted : names and fits. It is returned unchanged with effects that have memory of the path,
         whose state pieces would break.
     """
-    fitted, system = accepted.fitted, accepted.regression.system
+    fitted, system = accepted.fitted, accepted.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):
         return accepted
     # along its own path a push of turbulence no longer moves the velocity that drag depends on
@@ -622,7 +622,7 @@ def confirm_along_rollouts(
     Names that are significant in this fit, which is the one that is told, and bring the flights
     nearer than the vehicle file does.
     """
-    refined, system = fit_along_rollouts(accepted), accepted.regression.system
+    refined, system = fit_along_rollouts(accepted), accepted.system
     fitted = refined.fitted
     if fitted is None:
         return refined
@@ -691,7 +691,7 @@ def fit_causes(accepted: Accepted, causes: Mapping[str, effect_table.Effects]) -
     accepted : without names.
     causes : starting values of the parameters that each changes, the most probable first.
     """
-    system = accepted.regression.system
+    system = accepted.system
     fits = {}
     for name, changed in causes.items():
         values = {e: {**system.model.values_of(e), **own} for e, own in changed.items()}
@@ -709,7 +709,7 @@ def _fit_with_rival(accepted: Accepted, name: str) -> Fitted | None:
 
     None where it cannot act, or does nothing once it is fitted.
     """
-    system, fitted = accepted.regression.system, accepted.fitted
+    system, fitted = accepted.system, accepted.fitted
     best = accepted.result.best_with(name, accepted.rivals)
     present = set(fitted.effects) if fitted else set()
     # a modifier or a wind alone does nothing: the prerequisite of its own best set comes with it

@@ -74,7 +74,7 @@ def explain_flights(
     The start, linearised where the nominal parameters are with the accepted names, and the
     explanation.
     """
-    accepted = accept(start.regression, record, only)
+    accepted = accept(start.system, record, only)
     if accepted.fitted is not None and only is None:
         start, accepted = _accept_where_numbers_are(start, accepted, nominal, record)
     gusts = _gusts(accepted, start, nominal_gusts)
@@ -103,7 +103,7 @@ def _accept_where_numbers_are(
     if moved is None:
         return start, accepted
     decisions = DecisionLog()
-    again = accept(moved.regression, decisions)
+    again = accept(moved.system, decisions)
     fitted = again.fitted
     # what is accepted there has to lead there, too, or to be the number that moved
     leads_there = (fitted and fitted.frees_nuisance_of(moved.system)) or far_corrections(
@@ -129,12 +129,12 @@ def _accept_in_gusts(
     """
     blown = start.linearised_about(gusts.blow_in(start.system.model, accepted.fit.effects))
     decisions = DecisionLog()
-    again = accept(blown.regression, decisions)
+    again = accept(blown.system, decisions)
     still = _gusts(again, start, nominal_gusts)
     if not still:
         # gusts act through a drag: it stands, however little of it mean winds leave certain
         kept = [name for name in accepted.names if not effect_table.get(name).moves_air]
-        again = accept(blown.regression, decisions, kept)
+        again = accept(blown.system, decisions, kept)
         still = _gusts(again, start, nominal_gusts)
     if not still:
         return start, accepted, gusts
@@ -190,7 +190,7 @@ def thrust_of(explanation: Explanation, system: System) -> UnmeasuredThrust | No
     Parameters
     ----------
     explanation : accepted names with their fit.
-    system : of the first search.
+    system : of the recalibrated vehicle.
 
     Returns
     -------

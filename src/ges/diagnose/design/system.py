@@ -566,6 +566,31 @@ def build(
             for j in range(len(v.amplitudes))
             for part in parts
         ]
+    return _build_columns(flights, model, names, columns, like, length_s)
+
+
+def with_columns(system: System, columns: Sequence[DesignColumn]) -> System:
+    """Return the system with these columns in place of its own.
+
+    Parameters
+    ----------
+    system : of the flights.
+    columns : of the same vehicle.
+    """
+    return _build_columns(
+        system.recordings, system.model, system.names, columns, system, system.length_s
+    )
+
+
+def _build_columns(
+    flights: Sequence[Prepared],
+    model: Model,
+    names: tuple[str, ...],
+    columns: Sequence[DesignColumn],
+    like: System | None,
+    length_s: float,
+) -> System:
+    """Build the system of these channels and columns."""
     reused: Sequence[FlightRows | None] = like.flights if like else [None] * len(flights)
     wanted = {c.recipe for c in columns}
     computed_columns = [

@@ -8,13 +8,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ges.conventions import SDS_95, rotor_columns
+from ges.diagnose.design.columns import DesignColumn
 from ges.diagnose.design.residual import replay_model
-from ges.diagnose.design.system import System
+from ges.diagnose.design.system import System, with_columns
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
-from ges.diagnose.select.evidence import Regression, contribution_of
+from ges.diagnose.select.evidence import contribution_of
 from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
@@ -422,7 +423,8 @@ def located_by_findings(
 
 def located_by_open_names(
     result: SearchResult,
-    regression: Regression,
+    columns: Sequence[DesignColumn],
+    system: System,
     residuals: Sequence[np.ndarray],
     regime_values: Regimes,
     proven: Sequence[str],
@@ -431,7 +433,8 @@ def located_by_open_names(
 
     Parameters
     ----------
-    result, regression : of the search.
+    result, columns : of the search.
+    system : of the flights, without candidates.
     residuals : by flight, (m, C) with what is proven.
     regime_values : by flight, regime variables of all windows.
     proven : names that are accepted.
@@ -441,14 +444,19 @@ def located_by_open_names(
     Channels in which something unproven acts whichever open explanation is true. Their
     probabilities must sum to that of an acceptance.
     """
-    system, noise = regression.system, np.concatenate(residuals)
+    noise = np.concatenate(residuals)
     chance: dict[str, float] = {}
     negligible = 1.0 - settings.statistics.certain_probability
     shown: dict[str, np.ndarray] = {}
-    for h in (
+    hypotheses = [
         h for h in result.hypotheses if h.probability > negligible and set(h.names) - set(proven)
-    ):
-        contribution = contribution_of(h.posterior, set(h.names) - set(proven), regression.system)
+    ]
+    # columns of all candidates are as large as the flights: made again for those that are open
+    used = sorted({k for h in hypotheses for k in h.posterior.columns})
+    design = with_columns(system, [columns[k] for k in used])
+    for h in hypotheses:
+        own = dataclasses.replace(h.posterior, columns=tuple(map(used.index, h.posterior.columns)))
+        contribution = contribution_of(own, set(h.names) - set(proven), design)
         for c, channel in enumerate(system.main):
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
             if _shows(contribution[good, c], noise[good, c]):

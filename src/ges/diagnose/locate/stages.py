@@ -18,11 +18,10 @@ from ges.diagnose.estimate.joint import (
     with_corrections,
 )
 from ges.diagnose.estimate.recalibrate import at_corrections, checked_fit, operating_point
-from ges.diagnose.library.requirements import candidates_of
 from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.select.evidence import Regression, make_regression
+from ges.diagnose.select.evidence import Regression
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -83,21 +82,16 @@ class Start:
 
     Attributes
     ----------
-    regression : nuisances and all candidates without prerequisites, with the most cautious noise.
+    system : what the search is linearised about, without candidates.
     regimes : by flight, regime variables of all windows.
     first : the recalibrated stage.
     cells : map of its residuals over the regime variables.
     """
 
-    regression: Regression
+    system: System
     regimes: Regimes
     first: Stage
     cells: list[Cell]
-
-    @property
-    def system(self) -> System:
-        """What the search is linearised about."""
-        return self.regression.system
 
     def linearised_about(self, model: Model) -> Start:
         """Return the start of a search that is linearised about another model.
@@ -106,8 +100,8 @@ class Start:
         ----------
         model : of the same vehicle.
         """
-        system = first_system(self.system.recordings, model)
-        return dataclasses.replace(self, regression=make_regression(system))
+        recordings, length_s = self.system.recordings, self.system.length_s
+        return dataclasses.replace(self, system=build(recordings, model, (), length_s=length_s))
 
 
 def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
@@ -123,13 +117,13 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     Corrections multiply each other, so the columns are computed again where the model stands.
     Shorter parts of long flights come first, see :func:`nested_parts`.
     """
-    regression, joint = null_fit(first_system(flights, *_linearisation(flights, nominal)))
+    regression, joint = _linearised_fit(flights, nominal)
     joint = checked_fit(regression, joint)
     system = regression.system
     regimes = regimes_of(system)
     first = make_stage(with_corrections(nominal, joint.common), joint, regression, regimes)
     return Start(
-        regression,
+        system,
         regimes,
         first,
         regime_cells(system, first.residuals_in_air, regimes, first.structures),
@@ -173,11 +167,8 @@ def far_corrections(
     the search is linearised.
     """
     system, flights = start.system, start.system.recordings
-    there, whole = _linearisation(flights, nominal.with_effects(effects))
-    # the last system is about the corrections before the last step
-    whole = whole or build(flights, there, (), length_s=system.length_s)
     # an effect may have numbers of its own to correct
-    fitted = null_fit(whole)[1].common
+    fitted = _linearised_fit(flights, nominal.with_effects(effects))[1].common
     # trims are no numbers of the file: what a rotor lost would be taken for where it was
     of_file = set(system.nuisances) & set(nominal.prior_sds)
     corrections = {key: value for key, value in fitted.items() if key in of_file}
@@ -189,22 +180,21 @@ def far_corrections(
     return corrections if far else {}
 
 
-def _linearisation(flights: Sequence[Prepared], nominal: Model) -> tuple[Model, System | None]:
-    """Return the model with the corrections about which all is linearised, and its system."""
+def _linearised_fit(flights: Sequence[Prepared], nominal: Model) -> tuple[Regression, JointFit]:
+    """Return the fit of the nuisances, linearised about the corrections where the model stands."""
     # corrections multiply each other, so all columns are made where the model comes to stand
     length_s = window_length_s(flights)
     corrections: dict[str, float] = {}
     for some in nested_parts(flights):
         alone = build(some, at_corrections(nominal, corrections), (), length_s=length_s)
         corrections = operating_point(*null_fit(alone), nominal) or corrections
-    at, whole = at_corrections(nominal, corrections), None
+    fit = null_fit(build(flights, at_corrections(nominal, corrections), (), length_s=length_s))
     for _ in range(settings.numerics.noise_rounds):
-        whole = build(flights, at, (), length_s=length_s)
-        more = operating_point(*null_fit(whole), nominal)
-        if not more:
+        corrections = operating_point(*fit, nominal)
+        if not corrections:
             break
-        at, whole = at_corrections(nominal, more), None
-    return at, whole
+        fit = null_fit(build(flights, at_corrections(nominal, corrections), (), length_s=length_s))
+    return fit
 
 
 def nested_parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:
@@ -245,16 +235,3 @@ def _middle(flight: Prepared, seconds: float) -> Prepared:
     center = int(air[len(air) // 2]) if len(air) else len(flight.t_s) // 2
     start = min(max(0, center - rows // 2), len(flight.t_s) - rows)
     return flight.between(start, start + rows)
-
-
-def first_system(flights: Sequence[Prepared], model: Model, like: System | None = None) -> System:
-    """Return the system of a vehicle with all candidates without prerequisites.
-
-    Parameters
-    ----------
-    flights : prepared recordings.
-    model : what residuals and columns are computed with.
-    like : system of the same flights and model, whose columns are reused.
-    """
-    variants = [v for c in candidates_of(flights, model) for v in c.variants]
-    return build(flights, model, variants, like, window_length_s(flights))

@@ -14,7 +14,7 @@ from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.library.candidates import flight_envelope, place_of
 from ges.diagnose.library.grids import out_of_reach
-from ges.diagnose.library.requirements import unmet_requirement
+from ges.diagnose.library.requirements import candidates_of, unmet_requirement
 from ges.diagnose.locate.regimes import (
     located_by_findings,
     located_by_open_names,
@@ -48,7 +48,12 @@ def located_entries(start: Start, explanation: Explanation) -> list[dict]:
     # what is open is in no model yet, so the accepted residual still holds it
     if accepted.rivals:
         entries += located_by_open_names(
-            accepted.result, accepted.regression, residuals, start.regimes, accepted.names
+            accepted.result,
+            accepted.regression.system.columns,
+            accepted.system,
+            residuals,
+            start.regimes,
+            accepted.names,
         )
     return strongest_entries(entries)
 
@@ -66,7 +71,7 @@ def data_used(
     ----------
     flights : that are used.
     gate : delays and offsets.
-    system : of the first search.
+    system : of the recalibrated vehicle.
     off : channels without data, each with what to log.
     warnings : sentences for the reader.
     """
@@ -123,11 +128,11 @@ def not_tested(system: System, fitted: Model) -> dict[str, str]:
 
     Parameters
     ----------
-    system : of the first search.
+    system : of the recalibrated vehicle.
     fitted : the model with the findings.
     """
     flights, reasons = system.recordings, {}
-    searched = {c.variant.effect for c in system.columns if c.variant is not None}
+    searched = {c.name for c in candidates_of(flights, system.model)}
     # the gate and the search for gusts cover these, though no column of theirs is searched
     searched |= {e.name for e in effect_table.table().values() if e.settled and e.kind == "sensor"}
     searched |= {GUSTS} if shows_moving_air(fitted.effects) else set()

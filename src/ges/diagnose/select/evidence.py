@@ -368,6 +368,7 @@ class Regression:
     system, noise : what was whitened, and by what.
     whites : by flight; empty where they are no longer needed.
     by_flight : normal equations; empty where they were not counted.
+    rms : (C, K) of every column in each main channel, see :func:`rms_of`.
     prior : of all columns.
     nuisance : numbers of the nuisance columns.
     """
@@ -376,6 +377,7 @@ class Regression:
     noise: NoiseModel
     whites: tuple[White, ...]
     by_flight: tuple[Gram, ...]
+    rms: np.ndarray
     prior: Prior
     nuisance: np.ndarray
 
@@ -434,13 +436,12 @@ def rms_of(system: System) -> np.ndarray:
     return np.sqrt(square / np.maximum(count, 1.0)[:, None])
 
 
-def _prior_sds(system: System, share: float) -> np.ndarray:
+def _prior_sds(system: System, rms: np.ndarray, share: float) -> np.ndarray:
     """Return prior sd of every candidate's coefficient, (K,).
 
     It is the size at which the column makes ``share`` of the reference scale in its greatest
-    channel, and no more than is plausible.
+    channel, and no more than is plausible. The rms of the columns is (C, K).
     """
-    rms = rms_of(system)
     # an error of a rangefinder may be as large as its whole, not a share of it
     scale = np.array(
         [
@@ -507,11 +508,12 @@ def whiten_system(system: System, noise: NoiseModel, like: Sequence[White] = ())
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )
-    return Regression(system, noise, whites, (), _prior(system), nuisance)
+    rms = rms_of(system)
+    return Regression(system, noise, whites, (), rms, _prior(system, rms), nuisance)
 
 
-def _prior(system: System) -> Prior:
-    sd = _prior_sds(system, settings.evidence.prior_share)
+def _prior(system: System, rms: np.ndarray) -> Prior:
+    sd = _prior_sds(system, rms, settings.evidence.prior_share)
     mean, low, high = np.array([_bounds(c) for c in system.columns]).T
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:
