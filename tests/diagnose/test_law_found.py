@@ -96,3 +96,35 @@ def test_names_that_are_given_have_no_law_beside_them(sheet, flown, with_rates):
     only = ges.diagnose(flights, sheet(), holdout=("f2",), names=("rotor_drag",))
     assert not only.laws
     assert np.isfinite(only.fit["channels"]["force_y_N"]["after"])
+
+
+DAMPING = {"moment_z: m g L (r/w_g)": -0.03}
+
+
+def _turning(duration_s, period_s):
+    """Turns to and fro by a radian and a half while hovering."""
+    plan = manoeuvres.hover(duration_s)
+    t_s = manoeuvres.STEP_S * np.arange(len(plan))
+    plan[:, 9] = 1.5 * np.sin(2.0 * np.pi * t_s / period_s)
+    return plan
+
+
+def test_damping_of_yaw_is_seen_over_the_yaw_rate_and_no_number_stands_for_it(
+    sheet, flown, with_rates
+):
+    """Recalibration takes a torque coefficient for it, which goes back once the law is there."""
+    plans = [_turning(25.0, period_s) for period_s in (6.0, 8.0, 5.0, 7.0)]
+    flights = {
+        f"f{k}": flown(sheet(), {LAW: DAMPING}, plan, 40 + k, with_rates)
+        for k, plan in enumerate(plans)
+    }
+    found = ges.diagnose(flights, sheet(), holdout=("f3",))
+    assert found.verdict == "law" and not found.findings
+    (law,) = found.laws
+    assert [t["term"] for t in law["terms"]] == ["m g L (r/w_g)"]
+    assert law["terms"][0]["coefficient"] == pytest.approx(-0.03, rel=0.15)
+    row = found.fit["channels"]["moment_z_Nm"]
+    assert row["after"] < 0.7 * row["recalibrated"]
+    for key in ("torque_coefficient.scale", "thrust_scale.scale"):
+        number = found.calibration[key]
+        assert abs(number["value"]) < 2.0 * number["prior_sd"]

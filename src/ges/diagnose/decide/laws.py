@@ -15,7 +15,7 @@ from ges.diagnose.design.noise import estimate_noise
 from ges.diagnose.design.system import build
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, free_columns
-from ges.diagnose.estimate.joint import joint_fit, pinned_priors
+from ges.diagnose.estimate.joint import joint_fit
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
 from ges.diagnose.locate.laws import (
@@ -78,8 +78,9 @@ def add_laws(
 
     Notes
     -----
-    Names and nominal parameters are pinned: a law that is free together with them would take their
-    place (Liu, Bayarri and Berger 2009, *Bayesian Analysis* 4, 119, on modularization).
+    Names keep their values: a law that is free together with them would take their place (Liu,
+    Bayarri and Berger 2009, *Bayesian Analysis* 4, 119, on modularization). Nominal parameters are
+    free within their priors, as they have taken up a part of what the law is.
     """
     # a nominal parameter that was named would be a nuisance again with a law, and move twice
     before = explanation.accepted.fitted
@@ -254,35 +255,27 @@ def _sparse_form_of(channel: str, explanation: Explanation) -> SparseForm:
 def _fit_terms(
     terms: Sequence[Term], explanation: Explanation, start: Start
 ) -> tuple[Fitted, dict[Term, float]]:
-    """Return the fit of the names with a law of these terms, and the sds of its coefficients.
+    """Return the fit of nominal parameters and a law of these terms beside the names.
 
-    Names and nominal parameters are pinned by narrow priors; trims are free.
+    The sds of its coefficients come with it. Names keep their values.
     """
     before, model = explanation.accepted.fitted, start.system.model
-    system, joint = (
-        (before.regression.system, before.joint) if before else (start.system, start.first.joint)
-    )
     names = before.effects if before else {}
     # a term that the vehicle file has already counts from there
     law = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
     variants = [Variant(LAW, {}, (amplitude_of(LAW, t.key),)) for t in terms]
-    flights, with_law = system.recordings, model.with_effects({**names, LAW: law})
-    # pinned numbers take no part in a response of the controller, and a law is made
-    # of speeds, heights and places: no column here is endogenous
+    # along the path of the names' own fit
+    flights = (before.regression.system if before else start.system).recordings
+    with_law = model.with_effects({**names, LAW: law})
     design = build(flights, with_law, variants, start.system)
-    exogenous = tuple(dataclasses.replace(rows, endogenous={}) for rows in design.flights)
-    design = dataclasses.replace(design, flights=exogenous)
-    priors, chosen = pinned_priors(joint), free_columns(design)
+    chosen = free_columns(design)
     regression = whiten_system(design, estimate_noise(design, chosen))
     prior_sd = regression.prior.sd[chosen]
-    joint_of_law = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd, priors)
+    joint_of_law = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd)
     law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, joint_of_law.chosen, strict=True)}
-    # trims follow, as they do with names
+    # noise and trims follow, as they do with names
     refitted = make_regression(build(flights, with_law.with_effects({LAW: law}), (), start.system))
-    trims = joint_fit(refitted, (), nuisance_priors=priors)
-    # a pin is no knowledge: what was pinned keeps the sd of the names' own fit
-    sds = {**trims.common_sd, **{key: joint.common_sd[key] for key in priors}}
-    trims = dataclasses.replace(trims, common_sd=sds)
+    trims = joint_fit(refitted, ())
     fitted = Fitted(
         {**names, LAW: law},
         before.free if before else (),

@@ -82,6 +82,8 @@ def regime_variables(flight: Prepared, windows: Windows, model: Model) -> dict[s
                 "left_m_s": v_body[:, 1],
                 "along_thrust_m_s": v_body[:, 2],
             }
+    if flight.has("gyro"):
+        variables["yaw_rate_rad_s"] = flight.columns["omega_z_rad_s"][at]
     if flight.has("position"):
         variables |= {"east_m": flight.columns["p_x_m"][at], "north_m": flight.columns["p_y_m"][at]}
     if flight.has("battery"):

@@ -26,7 +26,14 @@ from ges.diagnose.settings import settings
 
 PLACE = ("east_m", "north_m")
 RUNNING = frozenset({"time_s", "battery_V"})
-SPEEDS = ("airspeed_m_s", "climb_m_s", "forward_m_s", "left_m_s", "along_thrust_m_s")
+SPEEDS = (
+    "airspeed_m_s",
+    "climb_m_s",
+    "forward_m_s",
+    "left_m_s",
+    "along_thrust_m_s",
+    "yaw_rate_rad_s",
+)
 TOGETHER = (
     ("force_x", "force_y", "acc_x", "acc_y"),
     ("force_z", "acc_z"),

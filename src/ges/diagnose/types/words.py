@@ -33,6 +33,7 @@ _QUANTITIES = {
     "forward_m_s": ("speed forward", "m/s"),
     "left_m_s": ("speed to the left", "m/s"),
     "along_thrust_m_s": ("speed along thrust", "m/s"),
+    "yaw_rate_rad_s": ("yaw rate", "rad/s"),
     "east_m": ("position east", "m"),
     "north_m": ("position north", "m"),
     "time_s": ("time since start", "s"),
