@@ -307,7 +307,6 @@ def flight_rows(
     x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
     # a beam that tilted a little further would see no ground
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)
-    keys = [c.key for c in columns]
     thrust = _thrust_N(model, base.drive)
     dynamic = [
         k for k, c in enumerate(columns) if c.recipe in new and feedback_of(c.key) == "dynamic"
@@ -322,48 +321,55 @@ def flight_rows(
         instruments = flight_instruments(
             flight, windows.select(air), model, names, y[air], base.drive.acting
         )
-    # endogenous parts are projected over all windows in the air: a channel with gaps has none
-    in_air = {c: name for c, name in enumerate(names) if np.isfinite(y[air, c]).all()}
-    # those of nuisances stay as they were
-    own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
-    # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
-    separate_keys = [
-        f"{keys[k]}/{c.part}"
-        if (c := columns[k]).part == "moment" and variant_of(c).effect in model.effects
-        else keys[k]
-        for k in own
-    ]
-    rates_measured = flight.has("gyro") or "attitude" not in flight.derived
-    endogenous = (
-        endogenous_parts(
-            separate_keys,
-            table_of(x.columns(own), *y.shape),
-            windows.length_s,
-            in_air,
-            instruments,
-            air,
-            model.effects,
-            rates_measured,
-        )
-        if instruments
-        else {}
-    )
-    endogenous = (
-        merge_endogenous_parts(like.endogenous, endogenous, model.effects) if like else endogenous
-    )
-    drive_error = _drive_form_error(flight, windows, names, base.drive.commanded)
-    return FlightRows(
+    rows = FlightRows(
         flight,
         windows,
         y,
         x,
         like.covariate if like else thrust_change(flight, windows, model, thrust),
-        endogenous,
+        {},
         instruments,
         air,
-        drive_error,
+        _drive_form_error(flight, windows, names, base.drive.commanded),
         base.drive,
     )
+    return dataclasses.replace(rows, endogenous=_endogenous(rows, model, names, columns, like))
+
+
+def _endogenous(
+    rows: FlightRows,
+    model: Model,
+    names: Sequence[str],
+    columns: Sequence[DesignColumn],
+    like: FlightRows | None,
+) -> EndogenousParts:
+    """Return what instruments do not explain of the columns; of nuisances as it was before."""
+    # projected over all windows in the air: a channel with gaps has none
+    in_air = {c: name for c, name in enumerate(names) if np.isfinite(rows.y[rows.air, c]).all()}
+    own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
+    # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
+    separate_keys = [
+        f"{c.key}/{c.part}"
+        if (c := columns[k]).part == "moment" and variant_of(c).effect in model.effects
+        else c.key
+        for k in own
+    ]
+    flight = rows.flight
+    parts: EndogenousParts = (
+        endogenous_parts(
+            separate_keys,
+            table_of(rows.x.columns(own), *rows.y.shape),
+            rows.windows.length_s,
+            in_air,
+            rows.instruments,
+            rows.air,
+            model.effects,
+            rates_measured=flight.has("gyro") or "attitude" not in flight.derived,
+        )
+        if rows.instruments
+        else {}
+    )
+    return merge_endogenous_parts(like.endogenous, parts, model.effects) if like else parts
 
 
 def residuals_with(system: System, model: Model) -> list[np.ndarray]:

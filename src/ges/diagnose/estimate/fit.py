@@ -390,6 +390,57 @@ def _interpolated_share(share: float, promised: float, risen: float) -> float:
     )
 
 
+@dataclasses.dataclass(frozen=True)
+class _Rounds:
+    """What all rounds of a fit share.
+
+    Attributes
+    ----------
+    like : system of the same flights, of the model without the effects.
+    free : parameters that are fitted.
+    flights : along the path of the fit.
+    fixed_noise : noise model of all rounds, or None.
+    """
+
+    like: System
+    free: tuple[tuple[str, str], ...]
+    flights: Sequence[Prepared]
+    fixed_noise: NoiseModel | None
+
+    @functools.cached_property
+    def dynamic(self) -> frozenset[str]:
+        """Effects whose free parameters respond to the controller."""
+        return frozenset(e for e, p in self.free if feedback_of(f"{e}.{p}") == "dynamic")
+
+    def build_at(self, values: effect_table.Effects, chords: bool = False) -> System:
+        """Build the system with a column of each free parameter, or of its chord to none."""
+        model = self.like.model
+        amplitudes = [
+            chords and _chord_amplitude(name, values) or _free_amplitude(name, values, model)
+            for name in self.free
+        ]
+        variants = [Variant(e, {}, (a,)) for (e, _), a in zip(self.free, amplitudes, strict=True)]
+        return build(self.flights, model.with_effects(values), variants, self.like)
+
+    def linearise(
+        self, values: effect_table.Effects, own: System, known: Regression | None
+    ) -> tuple[_Point, System]:
+        """Linearise under the noise and the feedback errors of a regression, or under new ones."""
+        system = own.with_endogenous_parts_of(known.system) if known else own
+        design = system
+        if self.dynamic:
+            # what a column is without, its residual is without
+            without = {e: v for e, v in values.items() if e not in self.dynamic}
+            design = with_trims_of(system, self.like.model.with_effects(without), self.like)
+        noise = self.fixed_noise or (known.noise if known else None)
+        regression = whiten_system(
+            design,
+            noise or estimate_noise(design, free_columns(design)),
+            known.whites if known else (),
+        )
+        return _linearise(values, self.free, regression, self.like.model), system
+
+
 def polish(
     like: System,
     values: effect_table.Effects,
@@ -418,43 +469,17 @@ def polish(
     parameters in turn climb one likelihood.
     """
     free, model = tuple(free), like.model
-    dynamic = {e for e, p in free if feedback_of(f"{e}.{p}") == "dynamic"}
+    rounds = _Rounds(like, free, flights or like.recordings, fixed_noise)
     at: _Point | None = None
     first: _Point | None = None
     ends: list[tuple[_Point, System]] = []
     flown, taken, steps = like, 1.0, np.zeros(len(free))
     bounds = np.array([fit_bounds(name, model) for name in free]).T
-
-    def linearised(
-        values: effect_table.Effects, first: _Point | None, chords: bool = False
-    ) -> tuple[_Point, System]:
-        amplitudes = [
-            chords and _chord_amplitude(name, values) or _free_amplitude(name, values, model)
-            for name in free
-        ]
-        variants = [Variant(e, {}, (a,)) for (e, _), a in zip(free, amplitudes, strict=True)]
-        own = build(flights or like.recordings, model.with_effects(values), variants, like)
-        # what a column is without, its residual is without
-        others = model.with_effects({e: v for e, v in values.items() if e not in dynamic})
-
-        def under(known: Regression | None) -> tuple[_Point, System]:
-            system = own.with_endogenous_parts_of(known.system) if known else own
-            design = with_trims_of(system, others, like) if dynamic else system
-            noise = fixed_noise or (known.noise if known else None)
-            regression = whiten_system(
-                design,
-                noise or estimate_noise(design, free_columns(design)),
-                known.whites if known else (),
-            )
-            return _linearise(values, free, regression, model), system
-
-        # one noise and one feedback for all rounds: costs under several would not compare
-        if first:
-            return under(first.regression)
-        return _likeliest([under(None), *([under(earlier.regression)] if earlier else [])])
-
     for _ in range(settings.numerics.fit_rounds):
-        there, system = linearised(values, first)
+        # one noise and one feedback for all rounds: costs under several would not compare
+        known = [first.regression] if first else [None, *([earlier.regression] if earlier else [])]
+        own = rounds.build_at(values)
+        there, system = _likeliest([rounds.linearise(values, own, k) for k in known])
         # a step that promised more than it kept: less of it, from the best point so far. A cost of
         # one is that of one sd, and less than columns that are secants tell
         if at and first and there.cost > at.cost + 1.0:
@@ -479,14 +504,19 @@ def polish(
             first, taken, steps = None, 1.0, np.zeros(len(free))
     if at is None:
         raise ValueError("numerics.fit_rounds is 0; set 1 or more")
-    at, flown = _likeliest([(at, flown), *ends])
-    chord = None
+    return _finished(rounds, *_likeliest([(at, flown), *ends]))
+
+
+def _finished(rounds: _Rounds, at: _Point, flown: System) -> Fitted:
+    """Return the fit at its last point: chords to none, and trims without separate moments."""
+    free, chord = at.free, None
     if any(_chord_amplitude(name, at.values) for name in free):
-        chord = linearised(at.values, at, chords=True)[0].covariance
+        own = rounds.build_at(at.values, chords=True)
+        chord = rounds.linearise(at.values, own, at.regression)[0].covariance
     regression, joint = at.regression, at.joint
-    if dynamic:
+    if rounds.dynamic:
         regression = whiten_system(flown, regression.noise, regression.whites)
-    if dynamic or len(at.chosen) > len(free):
+    if rounds.dynamic or len(at.chosen) > len(free):
         joint = _refit_trims(regression, at.chosen, joint, len(free))
     # whitened rows are as large as a long flight, and nobody asks a finished fit for them
     regression = dataclasses.replace(regression, whites=())
