@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -126,38 +126,16 @@ def accept(system: System, record: DecisionLog, only: Sequence[str] | None = Non
     -----
     Each round is linearised about what is accepted, and adds effects that act through it.
     """
-    forms_replaced, selection, first = False, _Selection((), None, {}), None
-    base = system.model
+    selection, base, forms_replaced = _Selection((), None, {}), system.model, False
     listed = candidates_of(system.recordings, base, (), only)
-    contested: set[str] = set()
-    alike: dict[str, tuple[Alike, ...]] = {}
-    while listed:
-        latest = _search_round(_regression_of(listed, base, system), listed, base, record, only)
-        if first is None:
-            contested = _contested_names(latest.context, record)
-            alike = {n: latest.context.alike(n) for n in latest.passing}
-        # rows of a round are as large as all columns, and gone before the fits
-        latest = latest.without_rows()
-        first = first or latest
-        modifiers = latest.modifiers
+    first = latest = _search_round(system, base, listed, record, only)
+    while True:
         new, polished = _fit_significant(
-            latest.context.regression,
-            latest.context.result,
-            (*latest.passing, *modifiers),
-            modifiers,
-            base,
-            selection.fitted,
-            system,
-            record,
-            only is None,
+            latest, base, selection.fitted, system, record, names_searched=only is None
         )
         if polished is None or not new:
             break
-        probability = {
-            n: modifiers[n].probability if n in modifiers else latest.context.result.inclusion[n]
-            for n in new
-        }
-        selection = selection.extend(new, polished, probability)
+        selection = selection.extend(new, polished, latest.probability_of)
         names = selection.names
         if only is None:
             # the wind is known only now; the forms that the search chose were for still air
@@ -175,31 +153,37 @@ def accept(system: System, record: DecisionLog, only: Sequence[str] | None = Non
             if search_again
             else candidates_of(system.recordings, base, selection.names, only)
         )
-    regression, result = (
-        (first.context.regression, first.context.result)
-        if first
-        else search_until_stable(make_regression(system), (), ())[:2]
-    )
-    inclusion = result.inclusion
-    # a name that is probable, but failed another rule, is not open
-    least = settings.statistics.acceptance_probability
-    settled = {*selection.names, *(n for n, p in inclusion.items() if p >= least)}
+        if not listed:
+            break
+        latest = _search_round(system, base, listed, record, only)
     # what was open at first, and then was accepted with the others, is open no more
-    contested -= {*selection.names}
-    rivals = open_names(result, settled - contested, contested)
-    if rivals and not _still_needed(rivals, base, system):
-        rivals = ()
+    contested = first.contested - {*selection.names}
     return Accepted(
         selection.names,
-        result,
-        regression,
+        first.result,
+        first.regression,
         system,
         selection.fitted,
         selection.probability,
-        rivals,
-        frozenset(contested),
-        alike=alike,
+        _open_names(first.result, selection.names, contested, base, system),
+        contested,
+        alike=first.alike,
     )
+
+
+def _open_names(
+    result: SearchResult,
+    accepted: Sequence[str],
+    contested: frozenset[str],
+    base: Model,
+    system: System,
+) -> tuple[str, ...]:
+    """Return names of the first search that stay open beside what is accepted."""
+    # a name that is probable, but failed another rule, is not open
+    least = settings.statistics.acceptance_probability
+    settled = {*accepted, *(n for n, p in result.inclusion.items() if p >= least)}
+    rivals = open_names(result, settled - contested, contested)
+    return rivals if rivals and _still_needed(rivals, base, system) else ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -208,34 +192,51 @@ class _Round:
 
     Attributes
     ----------
-    context : the search, as its rules saw it.
+    regression, result : the search, without the rows of its flights: they are as large as all
+        columns, and no fit of its names needs them.
     passing : names that pass, in the order of the best set.
     modifiers : of these names.
+    contested : names of the first round that could not be separated from others, and those others.
+    alike : places where each passing name of the first round does nearly the same.
     """
 
-    context: RuleContext
+    regression: Regression
+    result: SearchResult
     passing: tuple[str, ...]
     modifiers: Mapping[str, _Modifier]
+    contested: frozenset[str] = frozenset()
+    alike: Mapping[str, tuple[Alike, ...]] = dataclasses.field(default_factory=dict)
 
-    def without_rows(self) -> _Round:
-        """Return it without the rows of its flights, which no fit of its names needs."""
-        bare = self.context.regression.without_rows()
-        return dataclasses.replace(self, context=dataclasses.replace(self.context, regression=bare))
+    def probability_of(self, name: str) -> float:
+        """Return the posterior probability of a name or a modifier."""
+        if name in self.modifiers:
+            return self.modifiers[name].probability
+        return self.result.inclusion[name]
 
 
 def _search_round(
-    regression: Regression,
-    listed: Sequence[Candidate],
+    system: System,
     base: Model,
+    listed: Sequence[Candidate],
     record: DecisionLog,
     only: Sequence[str] | None,
 ) -> _Round:
     """Search candidates added to the base, and decide which names pass."""
-    regression, result = _search_with_refined_load(regression, listed, base, only)
+    regression, result = _search_with_refined_load(
+        _regression_of(listed, base, system), listed, base, only
+    )
     context = RuleContext(regression, result, result.best.names, tuple(entries(regression, listed)))
     passing = apply_rules(SEARCH_RULES, context, sorted(result.inclusion), record)
     passing = tuple(n for n in result.best.names if n in passing)
-    return _Round(context, passing, _probable_modifiers(regression, result, listed, passing, only))
+    modifiers = _probable_modifiers(regression, result, listed, passing, only)
+    bare = _Round(regression.without_rows(), result, passing, modifiers)
+    if base is not system.model:
+        return bare
+    return dataclasses.replace(
+        bare,
+        contested=frozenset(_contested_names(context, record)),
+        alike={name: context.alike(name) for name in passing},
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -247,10 +248,11 @@ class _Selection(_WithFit):
     probability: dict[str, float]
 
     def extend(
-        self, new: tuple[str, ...], fitted: Fitted, probability: Mapping[str, float]
+        self, new: tuple[str, ...], fitted: Fitted, probability_of: Callable[[str], float]
     ) -> _Selection:
         """Add the names of a round."""
-        return _Selection(self.names + new, fitted, {**self.probability, **probability})
+        probability = {**self.probability, **{name: probability_of(name) for name in new}}
+        return _Selection(self.names + new, fitted, probability)
 
 
 def _reformed(names: Sequence[str], before: Sequence[str]) -> list[str]:
@@ -436,21 +438,19 @@ def _fit_hypothesis(
 
 
 def _fit_significant(
-    regression: Regression,
-    result: SearchResult,
-    new: tuple[str, ...],
-    modifiers: Mapping[str, _Modifier],
+    latest: _Round,
     base: Model,
     fitted: Fitted | None,
     system: System,
     record: DecisionLog,
     names_searched: bool,
 ) -> tuple[tuple[str, ...], Fitted | None]:
-    """Return the new names that are significant in a full fit, and that fit.
+    """Return the names of a round that are significant in a full fit, and that fit.
 
     Others are left out of it, modifiers first.
     """
-    fallen: set[str] = set()
+    regression, result, modifiers = latest.regression, latest.result, latest.modifiers
+    new, fallen = (*latest.passing, *modifiers), set[str]()
     while new:
         values_of_modifiers = {m: modifiers[m].values for m in new if m in modifiers}
         kept = _hypothesis_of(result, [n for n in new if n not in values_of_modifiers], regression)

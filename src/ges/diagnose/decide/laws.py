@@ -17,7 +17,7 @@ from ges.diagnose.estimate.contributions import contributions_of, size_of_contri
 from ges.diagnose.estimate.fit import Fitted, free_columns
 from ges.diagnose.estimate.joint import joint_fit
 from ges.diagnose.library.candidates import Variant, amplitude_of
-from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
+from ges.diagnose.library.requirements import untestable_drags
 from ges.diagnose.locate.laws import (
     RivalLaw,
     SparseForm,
@@ -216,9 +216,10 @@ def _response_structures(
     """Return channels of laws with structure; a size depends on what has another sign elsewhere."""
     system, by_channel = explanation.last.regression.system, {}
     main = system.main
-    # what stands for a drag that cannot be tested would be told as a law
+    # what stands for a drag that cannot be tested would be told as a law: it pushes sideways, and
+    # turns the vehicle
     drags = untestable_drags(system.recordings, system.model)
-    for channel in (c for c in CHANNELS if not (drags and c in SIDEWAYS)):
+    for channel in (c for c in CHANNELS if not drags or c == "force_z"):
         kind, axis = channel.split("_")
         responses = [f"{k}_{axis}" for k in RESPONSES[kind] if f"{k}_{axis}" in main]
         structures = [s for name in responses for s in unexplained if s.channel == name]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 
 import numpy as np
 
@@ -451,7 +451,7 @@ def differs_from_neutral(fitted: Fitted, name: str) -> bool:
     return any(abs(fitted.effects[name][p] - neutral) > fitted.sd(name, p) for p, neutral in own)
 
 
-def open_names(result: SearchResult, names: set[str], contested: set[str]) -> tuple[str, ...]:
+def open_names(result: SearchResult, names: Set[str], contested: Set[str]) -> tuple[str, ...]:
     """Return names that replace each other: none accepted alone, but one of them needed.
 
     Parameters
