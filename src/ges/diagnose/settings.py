@@ -693,8 +693,8 @@ class LocateSettings:
     )
     spread_least: float = number(
         0.5,
-        "m or m/s",
-        "Least spread of a speed or a place that was flown over a range.",
+        "m, m/s or rad/s",
+        "Least spread of a place, a speed or the yaw rate that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
     )
     height_spread_least: float = number(
