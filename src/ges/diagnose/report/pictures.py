@@ -124,7 +124,10 @@ def location_map(cells: Sequence[Mapping[str, Any]], most_channels: int = 8) -> 
             axis.tick_params(labelleft=axis in axes[:, 0])
         for axis in list(axes.flat)[len(regimes) :]:
             axis.set_axis_off()
-        bar = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.6, aspect=40)
+        # the gap is a share of all rows together
+        bar = figure.colorbar(
+            drawn, ax=axes, location="bottom", shrink=0.6, aspect=40, pad=0.06 / rows
+        )
         bar.set_label(MAP_LABEL)
     return figure
 
