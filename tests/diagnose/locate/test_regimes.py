@@ -61,6 +61,10 @@ def test_regimes_in_body_axes_do_not_know_where_north_is(yaw_rad):
 def test_what_was_not_logged_is_no_regime():
     flight = hovering(v_x_m_s=None, p_x_m=None).replace(derived=frozenset({"attitude"}))
     told = set(regime_variables(flight, windows_of(flight), MODEL))
+    assert told == {"time_s", "height_over_radius", "yaw_rate_rad_s"}
+    still = hovering(v_x_m_s=None, p_x_m=None, omega_z_rad_s=None)
+    still = still.replace(derived=frozenset({"attitude"}))
+    told = set(regime_variables(still, windows_of(still), MODEL))
     assert told == {"time_s", "height_over_radius"}
 
 
