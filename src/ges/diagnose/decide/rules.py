@@ -327,9 +327,10 @@ def significant(fitted: Fitted, name: str) -> Decision:
 
     Notes
     -----
-    Some amplitude must be clear of neutral with its shape given, and certainly beyond its prior.
-    Nothing may stand at a bound, and a wind must blow at all. The file has ten numbers or more,
-    which are always free: so what corrects one must be certain.
+    Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
+    free. It must also be certainly beyond its prior, and nothing at a bound. A wind must blow at
+    all. The file has ten numbers or more, which are always free: so what corrects one must be
+    certain.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -350,9 +351,9 @@ def significant(fitted: Fitted, name: str) -> Decision:
         prior = system.number_with_prior(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = not prior or abs(deviation - prior.mean) > certain_sds * prior.sd
-        if is_beyond_prior:
+        if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
-    because = f"{farthest:.3g} sds from neutral" if farthest else "within its prior sd"
+    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
 
 
