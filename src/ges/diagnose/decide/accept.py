@@ -230,6 +230,7 @@ def _search_round(
     passing = tuple(n for n in result.best.names if n in passing)
     modifiers = _probable_modifiers(regression, result, listed, passing, only)
     bare = _Round(regression.without_rows(), result, passing, modifiers)
+    # asked of the first round alone, in which nothing is accepted
     if base is not system.model:
         return bare
     return dataclasses.replace(

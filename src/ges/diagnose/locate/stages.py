@@ -184,17 +184,23 @@ def _linearised_fit(flights: Sequence[Prepared], nominal: Model) -> tuple[Regres
     """Return the fit of the nuisances, linearised about the corrections where the model stands."""
     # corrections multiply each other, so all columns are made where the model comes to stand
     length_s = window_length_s(flights)
+
+    def fit_about(
+        corrections: dict[str, float], some: Sequence[Prepared]
+    ) -> tuple[Regression, JointFit]:
+        there = at_corrections(nominal, corrections)
+        return null_fit(build(some, there, (), length_s=length_s))
+
     corrections: dict[str, float] = {}
     for some in nested_parts(flights):
-        alone = build(some, at_corrections(nominal, corrections), (), length_s=length_s)
-        corrections = operating_point(*null_fit(alone), nominal) or corrections
-    fit = null_fit(build(flights, at_corrections(nominal, corrections), (), length_s=length_s))
+        corrections = operating_point(*fit_about(corrections, some), nominal) or corrections
+    regression, joint = fit_about(corrections, flights)
     for _ in range(settings.numerics.noise_rounds):
-        corrections = operating_point(*fit, nominal)
+        corrections = operating_point(regression, joint, nominal)
         if not corrections:
             break
-        fit = null_fit(build(flights, at_corrections(nominal, corrections), (), length_s=length_s))
-    return fit
+        regression, joint = fit_about(corrections, flights)
+    return regression, joint
 
 
 def nested_parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:

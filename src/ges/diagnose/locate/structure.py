@@ -26,14 +26,6 @@ from ges.diagnose.settings import settings
 
 PLACE = ("east_m", "north_m")
 RUNNING = frozenset({"time_s", "battery_V"})
-SPEEDS = (
-    "airspeed_m_s",
-    "climb_m_s",
-    "forward_m_s",
-    "left_m_s",
-    "along_thrust_m_s",
-    "yaw_rate_rad_s",
-)
 TOGETHER = (
     ("force_x", "force_y", "acc_x", "acc_y"),
     ("force_z", "acc_z"),
@@ -170,8 +162,7 @@ def _least_spread(name: str, values: np.ndarray) -> float:
     """
     if name == "height_over_radius":
         return settings.locate.height_spread_least * float(np.median(values))
-    spreads = name in (*SPEEDS, *PLACE)
-    return settings.locate.spread_least if spreads else settings.numerics.tiny
+    return settings.numerics.tiny if name in RUNNING else settings.locate.spread_least
 
 
 def _basis(
