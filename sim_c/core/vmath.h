@@ -2,6 +2,7 @@
  *
  * exp: argument reduction to |r| <= ln2/2, Taylor polynomial of degree 13 (error below 2 ulp).
  * log: m in [sqrt(1/2), sqrt(2)), 2 artanh((m-1)/(m+1)) as an odd series (Abramowitz & Stegun 4.1.27).
+ * acos: polynomial of degree 7 times sqrt(1 - |x|) (Abramowitz & Stegun 4.4.46, error below 2e-8).
  * sin, cos: reduction by multiples of pi/2 (Cody & Waite), Taylor polynomials of degree 15 and 16.
  */
 #ifndef GES_VMATH_H
@@ -47,6 +48,17 @@ static inline vd lane_log(vd x) {
 
 /* x^y for x > 0. */
 static inline vd lane_pow(vd x, vd y) { return lane_exp(y * lane_log(x)); }
+
+/* Arc cosine; beyond -1 and 1 as of these. */
+static inline vd lane_acos(vd x) {
+  static const double c[] = {-0.0012624911, 0.0066700901, -0.0170881256, 0.0308918810,
+                             -0.0501743046, 0.0889789874, -0.2145988016, 1.5707963050};
+  vd size = lane_min(lane_max(x, -x), all_lanes(1.0));
+  vd p = all_lanes(c[0]);
+  for (int i = 1; i < 8; i++) p = p * size + c[i];
+  p = p * lane_sqrt(1.0 - size);
+  return sel(LT(x, all_lanes(0.0)), 3.141592653589793 - p, p);
+}
 
 static inline void lane_sin_cos(vd x, vd *sine, vd *cosine) {
   vd k = nearest(x * 0.6366197723675814);

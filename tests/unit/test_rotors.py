@@ -223,3 +223,25 @@ def test_a_lower_rotor_loses_in_the_wake_of_the_one_above_it():
     flat = numbers_of("octo-x")
     none = effects.evaluate("coaxial_wake", {"c": 0.25}, _hovering(flat, 400.0), flat)
     assert np.nanmax(np.abs(none.data)) == 0.0
+
+
+@pytest.mark.parametrize("speed_ratio", [1.0, 1.4, 2.0])
+@pytest.mark.parametrize("v_x_m_s", [0.0, 1.5, 4.0, 6.0, 40.0])
+def test_of_a_wake_that_is_carried_aside_the_part_over_the_lower_disc_counts(speed_ratio, v_x_m_s):
+    numbers = numbers_of("x8")
+    samples = _hovering(numbers, 400.0, v_x_m_s=np.full(3, v_x_m_s))
+    lost = effects.evaluate(
+        "coaxial_wake", {"c": 0.25, "speed_ratio": speed_ratio}, samples, numbers
+    )
+    below = min(range(1, 9), key=lambda i: numbers[f"rotor_{i}_z_m"])
+    radius = numbers[f"rotor_{below}_radius_m"]
+    thrust = numbers["thrust_coefficient_N_s2"] * 400.0**2
+    induced = np.sqrt(thrust / (2.0 * numbers["rho_kg_m3"] * np.pi * radius**2))
+    drop = max(numbers[f"rotor_{i}_z_m"] for i in range(1, 9)) - numbers[f"rotor_{below}_z_m"]
+    aside = v_x_m_s * drop / (0.5 * (1.0 + speed_ratio) * induced)
+    # the wake's circle, point by point
+    wake = radius / np.sqrt(speed_ratio)
+    x, y = np.meshgrid(*[np.linspace(-wake, wake, 801)] * 2)
+    inside = np.hypot(x, y) <= wake
+    share = np.mean(np.hypot(x + aside, y)[inside] <= radius)
+    assert lost.thrust_N[0, below - 1] == pytest.approx(-0.25 * thrust * share, abs=5e-4 * thrust)

@@ -233,8 +233,8 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     rows = (
         max(f.command_hold.sd_rows for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
     )
-    # a second pole has at most half of the lag, and half of a pole is delay. A quarter of the lag is
-    # a bound, so that what goes beyond it is certain
+    # a second pole has at most half of the lag, and half of a pole is delay: a quarter of the lag
+    # is a bound, and what goes beyond it is certain
     pole = model.number("motor_time_constant_s") / 4.0 / settings.statistics.certain_sds
     return math.hypot(rows * row_s, pole)
 
