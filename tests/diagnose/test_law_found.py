@@ -128,3 +128,21 @@ def test_damping_of_yaw_is_seen_over_the_yaw_rate_and_no_number_stands_for_it(
     for key in ("torque_coefficient.scale", "thrust_scale.scale"):
         number = found.calibration[key]
         assert abs(number["value"]) < 2.0 * number["prior_sd"]
+
+
+def test_a_law_is_as_uncertain_as_the_inertia_that_scales_it(sheet, flown, with_rates):
+    """Flights show what a moment is over the inertia; both are a tenth larger in the file."""
+    plans = [_turning(25.0, period_s) for period_s in (6.0, 8.0, 5.0)]
+    flights = {
+        f"f{k}": flown(sheet(), {LAW: DAMPING}, plan, 40 + k, with_rates)
+        for k, plan in enumerate(plans)
+    }
+    larger = sheet(
+        inertia_kg_m2={"xx": 0.01, "yy": 0.01, "zz": 0.0198, "sd_rel": 0.1},
+        torque_coefficient_Nm_s2={"value": 1.1e-7, "sd_rel": 0.1},
+    )
+    (law,) = ges.diagnose(flights, larger).laws
+    (term,) = law["terms"]
+    low, high = term["ci95"]
+    assert term["term"] == "m g L (r/w_g)" and low < -0.03 < high
+    assert (high - low) / 2.0 > 0.1 * abs(term["coefficient"])

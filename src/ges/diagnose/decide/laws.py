@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 from ges.diagnose.decide.explanation import Explanation, explanation_of
 from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.noise import estimate_noise
-from ges.diagnose.design.system import build
+from ges.diagnose.design.system import build, with_columns
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
 from ges.diagnose.estimate.fit import Fitted, free_columns
 from ges.diagnose.estimate.joint import joint_fit
@@ -94,7 +93,6 @@ def add_laws(
     terms = [term for form, _ in forms.values() for term in form.terms]
     while terms:
         fitted, sd = _fit_terms(terms, explanation, start)
-        overdone = _overdone(forms, fitted, explanation)
         # a constant alone is a number of the file or a trim, and no law
         varying = {t.channel for t in terms if t.varies}
         clear = [
@@ -102,12 +100,11 @@ def add_laws(
             for t in terms
             if t.channel in varying
             and abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
-            and t.channel not in overdone
             and _matters(t, fitted)
         ]
         if len(clear) == len(terms):
             break
-        # what only filled in for another term goes, and what trims would have to take back
+        # what only filled in for another term goes
         terms = clear
     if not terms:
         return explanation, unexplained, []
@@ -184,32 +181,6 @@ def _matters(term: Term, fitted: Fitted) -> bool:
     return size >= least_rms_in(term.channel, system.model)
 
 
-def _overdone(
-    forms: Mapping[str, tuple[SparseForm, Structure]], fitted: Fitted, explanation: Explanation
-) -> set[str]:
-    """Return channels in which a law leaves more within flights than there was without it.
-
-    Free trims cancel it in these flights, and would not in others.
-    """
-    main = fitted.regression.system.main
-    overdone = set()
-    for channel, (_, structure) in forms.items():
-        at = main.index(structure.channel)
-        contribution = [a[:, at] for a in _law_contribution(channel, fitted, explanation)]
-        residuals = [row[:, at] for row in explanation.last.residuals_in_air]
-        unexplained = [e - added for e, added in zip(residuals, contribution, strict=True)]
-        without, with_law = (math.hypot(*map(_spread, rows)) for rows in (residuals, unexplained))
-        if with_law > without:
-            overdone.add(channel)
-    return overdone
-
-
-def _spread(values: np.ndarray) -> float:
-    """Return the length of the deviation from the mean; 0 for nothing."""
-    good = values[np.isfinite(values)]
-    return float(np.linalg.norm(good - good.mean())) if len(good) else 0.0
-
-
 def _response_structures(
     unexplained: Sequence[Structure], explanation: Explanation
 ) -> dict[str, Structure]:
@@ -263,17 +234,21 @@ def _fit_terms(
     before, model = explanation.accepted.fitted, start.system.model
     names = before.effects if before else {}
     # a term that the vehicle file has already counts from there
-    law = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
-    variants = [Variant(LAW, {}, (amplitude_of(LAW, t.key),)) for t in terms]
+    given = {**{t.key: 0.0 for t in terms}, **model.effects.get(LAW, {})}
+    law, keys = given, [t.key for t in terms]
+    variants = [Variant(LAW, {}, (amplitude_of(LAW, key),)) for key in keys]
     # along the path of the names' own fit
     flights = (before.regression.system if before else start.system).recordings
-    with_law = model.with_effects({**names, LAW: law})
-    design = build(flights, with_law, variants, start.system)
-    chosen = free_columns(design)
-    regression = whiten_system(design, estimate_noise(design, chosen))
-    prior_sd = regression.prior.sd[chosen]
-    joint_of_law = joint_fit(regression, chosen, np.zeros(len(chosen)), prior_sd)
-    law |= {t.key: law[t.key] + float(c) for t, c in zip(terms, joint_of_law.chosen, strict=True)}
+    with_law = model.with_effects(names)
+    # flights show a law over the mass or the inertia. Only about a law that acts do their columns
+    # have its part, and its coefficients what is uncertain with them
+    for like in (start.system, with_columns(start.system, ())):
+        design = build(flights, with_law.with_effects({LAW: law}), variants, like)
+        chosen = free_columns(design)
+        regression = whiten_system(design, estimate_noise(design, chosen))
+        ahead = [given[key] - law[key] for key in keys]
+        joint = joint_fit(regression, chosen, np.array(ahead), regression.prior.sd[chosen])
+        law = law | {key: law[key] + float(c) for key, c in zip(keys, joint.chosen, strict=True)}
     # noise and trims follow, as they do with names
     refitted = make_regression(build(flights, with_law.with_effects({LAW: law}), (), start.system))
     trims = joint_fit(refitted, ())
@@ -286,7 +261,7 @@ def _fit_terms(
         refitted,
         before.chord_covariance if before else None,
     )
-    return fitted, dict(zip(terms, np.sqrt(np.diag(joint_of_law.covariance)), strict=True))
+    return fitted, dict(zip(terms, np.sqrt(np.diag(joint.covariance)), strict=True))
 
 
 def _law_contribution(channel: str, fitted: Fitted, explanation: Explanation) -> list[np.ndarray]:
