@@ -47,6 +47,28 @@ def _variant(effect, *parameters, **shape):
     return Variant(effect, shape, tuple(amplitude_of(effect, p) for p in parameters))
 
 
+@pytest.mark.parametrize("earlier", [True, False])
+def test_a_channel_with_gaps_has_no_endogenous_parts_earlier_or_now(earlier):
+    """Of those that it has all flights have parts of the same columns."""
+    start = build([manoeuvre(), manoeuvre()], MODEL, [])
+    (whole, gappy), at = start.flights, start.names.index("moment_x")
+    y = gappy.y.copy()
+    y[5, at] = np.nan
+    with_gap = dataclasses.replace(gappy, y=y, endogenous={} if earlier else gappy.endogenous)
+    like = dataclasses.replace(start, flights=(whole, with_gap))
+    flights = like.recordings
+    if not earlier:
+        gyro = flights[1].columns["omega_x_rad_s"].copy()
+        like, gyro[100:120] = start, np.nan
+        broken = {**flights[1].columns, "omega_x_rad_s": gyro}
+        flights = [flights[0], dataclasses.replace(flights[1], columns=broken)]
+    system = build(flights, MODEL, [_variant("rotor_drag", "k_kg")], like)
+    first, second = (rows.endogenous for rows in system.flights)
+    assert any(c == at for _, c in first) and not any(c == at for _, c in second)
+    keys = {kind: list(parts) for (kind, _), parts in first.items()}
+    assert second and all(list(parts) == keys[kind] for (kind, _), parts in second.items())
+
+
 @pytest.mark.parametrize(
     "variant",
     [
@@ -229,7 +251,7 @@ def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late()
         return found.sd
 
     own = effect_table.get("esc_delay").parameter("delay_s").prior.sd
-    pole = MODEL.number("motor_time_constant_s") / 4.0 / np.sqrt(3.0)
+    pole = MODEL.number("motor_time_constant_s") / 4.0 / settings.statistics.certain_sds
     assert prior_sd(hovering()) == pytest.approx(np.hypot(own, pole))
     held = hovering().replace(command_hold=CommandHold(0.5, 0.4))
     assert prior_sd(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
@@ -354,7 +376,7 @@ def test_a_lag_is_doubtful_by_what_a_command_does_between_two_rows():
         model = dataclasses.replace(MODEL, prior_sds={"motor_lag.up_s": sd, "motor_lag.down_s": sd})
         found = {n.key: n.sd for n in nuisances(model, ("drive_1",), flights)}
         by_sd[sd] = found.get("motor_lag.up_s")
-    pole_s = MODEL.number("motor_time_constant_s") / 4.0 / np.sqrt(3.0)
+    pole_s = MODEL.number("motor_time_constant_s") / 4.0 / settings.statistics.certain_sds
     # uniform over a row of 10 ms
     assert by_sd[1e-3] == pytest.approx(np.sqrt(1e-3**2 + 0.01**2 / 12.0 + pole_s**2))
     assert by_sd[0.0] is None, "what a file knows exactly stays so"

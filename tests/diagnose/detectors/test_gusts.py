@@ -76,6 +76,19 @@ def test_the_mean_wind_of_a_flight_is_a_nuisance_and_part_of_the_gusts():
     assert find_gusts(dataclasses.replace(own, flights=(rows,)), fitted) == plain
 
 
+def test_windows_whose_height_is_not_known_are_left_out():
+    windy = _wind_and_its_drag(2.0)
+    (rows,) = windy.flights
+    height_m = rows.flight.columns["p_z_m"].copy()
+    height_m[100:400] = np.nan
+    flight = dataclasses.replace(rows.flight, columns={**rows.flight.columns, "p_z_m": height_m})
+    found = find_gusts(
+        dataclasses.replace(windy, flights=(dataclasses.replace(rows, flight=flight),)), JOINT
+    )
+    assert found.strength_m_s == pytest.approx(find_gusts(windy, JOINT).strength_m_s, rel=0.1)
+    assert found != find_gusts(windy, JOINT)
+
+
 @functools.lru_cache
 def _found(strength_m_s):
     return find_gusts(_wind_and_its_drag(strength_m_s), JOINT)

@@ -7,6 +7,7 @@ import pytest
 
 from ges.conventions import BODY_RATE, QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.delays import (
+    clock_drift,
     drive_delay,
     estimate_command_hold,
     gyro_bias,
@@ -96,6 +97,12 @@ def test_what_does_not_move_tells_no_delay():
     assert pose_delay([]) is None
     derived = _turning(0.03).replace(derived=frozenset({"attitude"}))
     assert pose_delay([derived]) is None
+
+
+def test_a_gyro_that_never_changes_has_no_delay_and_no_drift():
+    stuck = hovering(DURATION_S, **dict.fromkeys(BODY_RATE, 0.1))
+    stuck.update_s["gyro"] = np.inf
+    assert clock_drift(stuck) == 0.0 and pose_delay([stuck]) is None
 
 
 def test_a_stream_that_is_moved_back_by_its_delay_is_on_time():

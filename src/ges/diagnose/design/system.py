@@ -344,8 +344,13 @@ def _endogenous(
     like: FlightRows | None,
 ) -> EndogenousParts:
     """Return what instruments do not explain of the columns; of nuisances as it was before."""
-    # projected over all windows in the air: a channel with gaps has none
-    in_air = {c: name for c, name in enumerate(names) if np.isfinite(rows.y[rows.air, c]).all()}
+    # projected over all windows in the air: a channel that has gaps, or had any, has none
+    alike = [rows, like] if like else [rows]
+    in_air = {
+        c: name
+        for c, name in enumerate(names)
+        if all(np.isfinite(r.y[r.air, c]).all() for r in alike)
+    }
     own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
     # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
     separate_keys = [
@@ -369,7 +374,10 @@ def _endogenous(
         if rows.instruments
         else {}
     )
-    return merge_endogenous_parts(like.endogenous, parts, model.effects) if like else parts
+    if not like:
+        return parts
+    earlier = {at: own for at, own in like.endogenous.items() if at[1] in in_air}
+    return merge_endogenous_parts(earlier, parts, model.effects)
 
 
 def residuals_with(system: System, model: Model) -> list[np.ndarray]:

@@ -350,7 +350,8 @@ def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> lis
         force_per_wind = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
         # can be inverted where the vehicle stands on edge
         force_per_wind += settings.numerics.small * np.abs(force_per_wind).max() * np.eye(2)
-        at = np.flatnonzero(np.isfinite(residuals[:, [*channels, *motion]]).all(axis=1))
+        known = np.isfinite(residuals[:, [*channels, *motion]]).all(axis=1)
+        at = np.flatnonzero(known & np.isfinite(_log_height(rows)))
         if force_per_wind.any() and len(at):
             wind = np.linalg.solve(force_per_wind[at], residuals[np.ix_(at, channels)][:, :, None])[
                 :, :, 0
@@ -383,11 +384,7 @@ def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) 
     how fast it is in all: powers of a half and of one, of that axis alone, and of the climb.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
-    height = (
-        np.log(np.maximum(flight.columns["p_z_m"][at], settings.prepare.height_error_m))
-        if "p_z_m" in flight.columns
-        else np.zeros(len(at))
-    )
+    height = _log_height(forces.rows)[forces.at]
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     # a unit force along each body axis, as the wind that would push so
     push = np.linalg.inv(forces.force_per_wind)
@@ -399,6 +396,14 @@ def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) 
     factors = (np.sqrt(sideways), sideways, np.abs(speed[:, :2]), climb)
     of_form += [of_form[0] * factor[:, None] for factor in factors]
     return np.concatenate([axes, height[:, None, None] * axes, *of_form, trims], axis=2)
+
+
+def _log_height(rows: FlightRows) -> np.ndarray:
+    """Return the log of the height of every window, (m,); zero where no height was logged."""
+    height = rows.flight.columns.get("p_z_m")
+    if height is None:
+        return np.zeros(len(rows.y))
+    return np.log(np.maximum(height[rows.windows.center], settings.prepare.height_error_m))
 
 
 def _air_speed(flight: Prepared, model: Model) -> np.ndarray:

@@ -296,10 +296,12 @@ def _smoothing_samples(flight: Prepared) -> float:
 
 
 def _rates_by_gyro_and_attitude(flight: Prepared) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return smoothed body rates by gyro and by attitude, rad/s."""
+    """Return smoothed body rates by gyro and by attitude, rad/s; None where one never changes."""
     if "attitude" in flight.derived or not (flight.has("gyro") and flight.has("attitude")):
         return None
     width = _smoothing_samples(flight)
+    if not math.isfinite(width):
+        return None
     q = flight.stack("attitude")
     turning = turn_rates(q, np.gradient(q, flight.dt_s, axis=0))
     return tuple(gaussian_filter1d(r, width, axis=0) for r in (flight.stack("gyro"), turning))
