@@ -10,6 +10,7 @@ import sys
 import typing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ges.errors import GesError
@@ -84,6 +85,12 @@ def test_the_study_and_its_figures_know_the_modes():
 def test_a_choice_that_does_not_exist_is_refused(numbers, sentence):
     with pytest.raises(GesError, match=re.escape(sentence)):
         sim.fly([sim.Flight({"duration_s": 0.1, **numbers})])
+
+
+def test_an_input_table_without_a_row_is_refused():
+    empty = np.empty((0, 14))
+    with pytest.raises(GesError, match="the input table has no row"):
+        sim.fly([sim.Flight({"duration_s": 0.1}, inputs=empty)])
 
 
 NEW_MODES = """
