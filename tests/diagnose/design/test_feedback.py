@@ -134,14 +134,15 @@ def test_of_a_parameter_in_parts_the_one_that_acts_in_a_channel_is_endogenous_th
     assert set(found) == {("motion", 1)}
 
 
-def test_what_rates_make_of_a_moment_is_endogenous_and_of_a_force_is_not():
+@pytest.mark.parametrize("key", ["rotor_drag.k_kg", "law.moment_y: m g L (q/w_g)"])
+def test_what_rates_make_of_a_moment_is_endogenous_and_of_a_force_is_not(key):
     """A gust turns the vehicle, so that damping of rates goes with the gust's moment."""
     x = 2.0 + np.sin(T)
     names = ("force_x", "force_z", "moment_y")
-    found = _endogenous(("rotor_drag.k_kg", "rotor_tilt.x_rad"), names, [x, x])
+    found = _endogenous((key, "rotor_tilt.x_rad"), names, [x, x])
     assert set(found) == {("motion", 2)}
-    assert set(found["motion", 2]) == {"rotor_drag.k_kg"}
-    np.testing.assert_allclose(found["motion", 2]["rotor_drag.k_kg"], x - x.mean())
+    assert set(found["motion", 2]) == {key}
+    np.testing.assert_allclose(found["motion", 2][key], x - x.mean())
 
 
 def test_on_the_ground_nothing_is_loose():

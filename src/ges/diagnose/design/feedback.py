@@ -48,6 +48,7 @@ from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import MarkedChannel, ParameterKey
 from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
+from ges.simulator.laws import LAW
 
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
@@ -101,8 +102,10 @@ def is_made_by_velocity(key: str) -> bool:
 
     Parameters
     ----------
-    key : ``effect.parameter``.
+    key : ``effect.parameter``. A law is one of them, whatever it is of: moments make the rates.
     """
+    if ParameterKey.of(key).effect == LAW:
+        return True
     effect = _effect_of(key)
     return effect is not None and effect.feedback == "none" and "velocity" in effect.needs
 

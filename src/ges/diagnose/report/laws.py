@@ -134,6 +134,8 @@ def _nearest(channel: str, quantity: str) -> str:
         return "a damping of the turn" if same and kind == "moment" else "a coupling of the turns"
     if kind == "moment":
         return "a frame or a flapping rotor whose centre of pressure is off the centre of mass"
+    if axis == "z" and quantity in own:
+        return "an axial inflow, or a drag of another form"
     if quantity in own:
         return "a drag of another form"
     if axis == "z":

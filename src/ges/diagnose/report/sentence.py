@@ -302,7 +302,7 @@ def _law(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield the law of the largest size, and its worth on held-out flights."""
     laws = sorted(content["laws"], key=lambda law: -law["size"]["share_of_weight"])
     first, more = laws[0], f" and {len(laws) - 1} more" if len(laws) > 1 else ""
-    where = f"No effect of the library has the {channel_words(first['channel'])}"
+    where = f"No effect is proven to make the {channel_words(first['channel'])}"
     worth = _gain(content) or "no error falls"
     if _loss(content):
         worth = f"{worth}, but {_loss(content)}"
