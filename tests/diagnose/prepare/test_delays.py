@@ -250,3 +250,15 @@ def test_a_voltage_is_as_noisy_as_its_drive():
     assert np.std(told - sag) < 0.4 * 0.1
     silent = hovering(DURATION_S, **speeds)
     assert with_steady_voltage(silent) is silent
+
+
+def test_a_log_is_as_late_as_it_is_behind_its_commands_at_most():
+    """Behind them by the motors' 20 ms and 60 more, or 20, and against the motion by 100."""
+    late = _climbing(0.1)
+    ahead_s = {0.06: 0.06, 0.02: None}
+    for room_s, delay_s in ahead_s.items():
+        asked = np.sqrt(1.0 + 0.05 * _signal(T - 0.1 + 0.02 + room_s, 1))
+        asked = MODEL.hover_rad_s / 1000.0 * asked
+        flight = late.replace(columns={**late.columns, **dict.fromkeys(COMMAND, asked)})
+        found = drive_delay([flight], MODEL)
+        assert (found and found.delay_s) == (delay_s and pytest.approx(delay_s, abs=0.003))

@@ -213,8 +213,10 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     gained = delay.correlation**2 - at * abs(at) / (shifted_2 * still_2)
     # speeds behind their commands by more than the motors lag: so late can the log be at most
     room = _lag_behind_commands_s(flights) - model.number("motor_time_constant_s")
-    late = delay.delay_s < room + settings.statistics.certain_sds * delay.sd_s
-    return delay if gained > settings.statistics.least_gain and late else None
+    late = room > settings.statistics.clear_sds * delay.sd_s
+    if gained <= settings.statistics.least_gain or not late:
+        return None
+    return dataclasses.replace(delay, delay_s=min(delay.delay_s, room))
 
 
 def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
