@@ -14,7 +14,7 @@ from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.feedback import feedback_of
 from ges.diagnose.design.noise import NoiseModel, estimate_noise
 from ges.diagnose.design.system import System, build, with_trims_of
-from ges.diagnose.estimate.joint import JointFit, joint_fit, pinned_priors, with_corrections
+from ges.diagnose.estimate.joint import JointFit, joint_fit, with_corrections
 from ges.diagnose.library.candidates import (
     Amplitude,
     Variant,
@@ -560,7 +560,12 @@ def _refit_trims(
     parameters are pinned at their joint estimates, so only trims absorb the difference. So it is
     with the trims that dynamic effects make.
     """
-    firm, priors = settings.estimate.converged_sds, pinned_priors(joint)
+    firm = settings.estimate.converged_sds
+    priors = {
+        key: (value, firm * joint.common_sd[key])
+        for key, value in joint.common.items()
+        if not _is_trim(key)
+    }
     refit = joint_fit(
         regression,
         chosen[:count],
@@ -571,6 +576,12 @@ def _refit_trims(
     # a pin is no knowledge: what was pinned keeps the sd of the joint fit
     sds = {**refit.common_sd, **{key: joint.common_sd[key] for key in priors}}
     return dataclasses.replace(refit, common_sd=sds)
+
+
+def _is_trim(key: str) -> bool:
+    """Return whether a nuisance, ``effect.parameter``, trims the vehicle."""
+    effect, parameter = ParameterKey.of(key)
+    return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
 
 def wide_sds(regression: Regression, chosen: Sequence[int]) -> np.ndarray:

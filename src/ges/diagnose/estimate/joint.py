@@ -301,31 +301,6 @@ def _by_block(regression: Regression, kept: np.ndarray) -> list[list[Gram]]:
     return each(lambda w, b: block_grams(w, kept, b), regression.whites, blocks)
 
 
-def pinned_priors(joint: JointFit) -> dict[str, tuple[float, float]]:
-    """Return narrow priors that keep all nuisances but trims at a fit.
-
-    Parameters
-    ----------
-    joint : the fit.
-
-    Returns
-    -------
-    Mean and sd by key.
-    """
-    firm = settings.estimate.converged_sds
-    return {
-        key: (value, firm * joint.common_sd[key])
-        for key, value in joint.common.items()
-        if not _is_trim(key)
-    }
-
-
-def _is_trim(key: str) -> bool:
-    """Return whether a nuisance, ``effect.parameter``, trims the vehicle."""
-    effect, parameter = ParameterKey.of(key)
-    return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
-
-
 def with_corrections(model: Model, common: Mapping[str, float]) -> Model:
     """Return the vehicle with its nuisances set, each through the effect that corrects it.
 
