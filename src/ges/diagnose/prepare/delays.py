@@ -198,8 +198,8 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
 
     Notes
     -----
-    The delay of commands is physics and stays: motor lag, transport delay. A late log is as late
-    against the commands. Where it is not, the controller's response to disturbances made the peak.
+    The delay of commands is physics and stays: motor lag, transport delay. A log is at most as late
+    as it is against the commands. A peak beyond that is the controller's response to disturbances.
     """
     logged, lags_s = [f for f in flights if f.has("rotor_speed")], _drive_lags_s()
     of_flights = [
@@ -211,7 +211,7 @@ def drive_delay(flights: Sequence[Prepared], model: Model) -> Delay | None:
     # share of variance that the delay explains beyond none: r^2 at the peak less r |r| at lag 0
     at, shifted_2, still_2, _ = np.sum(of_flights, axis=0)[:, np.argmin(np.abs(lags_s))]
     gained = delay.correlation**2 - at * abs(at) / (shifted_2 * still_2)
-    # speeds behind their commands by more than the motors lag: so late can the log be at most
+    # how far speeds are behind their commands, beyond the lag of the motors
     room = _lag_behind_commands_s(flights) - model.number("motor_time_constant_s")
     late = room > settings.statistics.clear_sds * delay.sd_s
     if gained <= settings.statistics.least_gain or not late:
