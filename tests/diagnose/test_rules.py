@@ -277,6 +277,31 @@ def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, 
     assert decision.passed == passes, decision.because
 
 
+@pytest.mark.parametrize(("sideways", "passes"), [(1.5, True), (0.5, False)])
+def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, sideways, passes):
+    """The weight of a swinging load is a thrust that is too large, its swing is not."""
+    channels = ("force_x", "force_z")
+    least = np.array([least_rms_in(c, MODEL) for c in channels])
+    unit = np.tile([[-1.0], [1.0]], (250, 1)) * least
+    system = SimpleNamespace(main=channels, model=MODEL)
+    fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
+    monkeypatch.setattr(
+        rules,
+        "residuals_with",
+        lambda system, model: [unit * (3.0, 0.5 if model.mode == "recalibrated" else 30.0)],
+    )
+    monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [unit * (0.5, 0.5)])
+    monkeypatch.setattr(
+        rules, "contributions", lambda *_: {"slung_load": [unit * (sideways, 30.0)]}
+    )
+    nominal = SimpleNamespace(mode="given")
+    recalibrated = SimpleNamespace(
+        with_effect_of=lambda name, other: SimpleNamespace(mode="recalibrated")
+    )
+    (decision,) = practically_significant(fitted, ("slung_load",), nominal, recalibrated).values()
+    assert decision.passed == passes, decision.because
+
+
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):
     """A search that names a weak rotor; what the balance says of it and of a mass at its hub."""
     columns = tuple(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Callable, Sequence, Set
 
 import numpy as np
@@ -370,36 +369,39 @@ def practically_significant(
 
     Notes
     -----
-    The channel in which a name makes most counts. A number of the file may be wrong by less than
-    what matters, but flights have to agree better. Numbers that undo each other change nothing
-    there, and a delay that a lag undoes does no more than recalibration alone.
+    Some channel must be nearer by what matters. A number of the file may be wrong by less, but
+    flights have to agree better. Numbers that undo each other change nothing, and a delay that a
+    lag undoes does no more than recalibration alone.
     """
     system = fitted.regression.system
+    scales = np.array([system.model.reference_scale(c) for c in system.main])
+    of_least = np.array([least_rms_in(c, system.model) for c in system.main]) / scales
+
+    def mean_squares(values: Sequence[np.ndarray]) -> np.ndarray:
+        together = np.concatenate([v[:, : len(scales)] for v in values])
+        return np.array([_mean_square(column) for column in together.T]) / scales**2
+
     as_given, after = (
-        [
-            _mean_square(np.concatenate([r[:, c] for r in residuals]))
-            for c in range(len(system.main))
-        ]
+        mean_squares(residuals)
         for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
     )
 
     def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
-        size = size_of_contribution(made, system)
-        channel = size["channel"]
-        if not channel:
-            return Decision(PRACTICAL, False, "shows nowhere")
-        c, scale = system.main.index(channel), system.model.reference_scale(channel)
-        corrects, gain = effect_table.get(name).about == "parameter", as_given[c] - after[c]
+        corrects, gain = effect_table.get(name).about == "parameter", as_given - after
+        # of what flights are nearer by no more is the name's than what it makes
+        share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), np.sqrt(mean_squares(made)))
         if not corrects:
             # recalibration may have moved this very number
-            without = residuals_with(system, recalibrated.with_effect_of(name, nominal))
-            if after[c] >= _mean_square(np.concatenate([r[:, c] for r in without])):
-                return Decision(PRACTICAL, False, f"other numbers do as well in {channel}")
-        # of what flights are nearer by no more is the name's than what it makes
-        share = min(math.copysign(math.sqrt(abs(gain)), gain) / scale, size["share_of_weight"])
-        least = 0.0 if corrects else least_rms_in(channel, system.model) / scale
-        because = f"{100.0 * share:.2g} % of the whole nearer than the vehicle file in {channel}"
-        return Decision(PRACTICAL, share > 0.0 and share >= least, because, share, least)
+            without = recalibrated.with_effect_of(name, nominal)
+            share[after >= mean_squares(residuals_with(system, without))] = 0.0
+        least = np.zeros(len(share)) if corrects else of_least
+        c = int(np.argmax(share - least))
+        because = "no nearer than the vehicle file, as given or recalibrated"
+        if share[c] > 0.0:
+            percent, channel = 100.0 * share[c], system.main[c]
+            because = f"{percent:.2g} % of the whole nearer than the vehicle file in {channel}"
+        passed = bool(share[c] > 0.0 and share[c] >= least[c])
+        return Decision(PRACTICAL, passed, because, float(share[c]), float(least[c]))
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
 
