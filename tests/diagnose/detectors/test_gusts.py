@@ -76,6 +76,23 @@ def test_the_mean_wind_of_a_flight_is_a_nuisance_and_part_of_the_gusts():
     assert find_gusts(dataclasses.replace(own, flights=(rows,)), fitted) == plain
 
 
+@pytest.mark.parametrize("shown", [FORCE, ACC])
+def test_what_shakes_as_much_along_thrust_is_no_gust(shown):
+    windy = _wind_and_its_drag(
+        2.0, shown=shown, accelerometer=() if shown == FORCE else SPECIFIC_FORCE
+    )
+    assert find_gusts(windy, JOINT)
+    (rows,) = windy.flights
+    across, along = (windy.names.index(shown[i]) for i in (0, 2))
+    y = rows.y.copy()
+    y[:, along] = np.roll(y[:, across], len(y) // 2)
+    shaken = dataclasses.replace(windy, flights=(dataclasses.replace(rows, y=y),))
+    assert find_gusts(shaken, JOINT) is None
+    # of a tenth of that a gust is still one
+    y[:, along] *= 0.1
+    assert find_gusts(shaken, JOINT).strength_m_s == find_gusts(windy, JOINT).strength_m_s
+
+
 def test_windows_whose_height_is_not_known_are_left_out():
     windy = _wind_and_its_drag(2.0)
     (rows,) = windy.flights

@@ -10,7 +10,7 @@ of means over a tenth of it predicts. Turbulence has any time scale, and so do t
 seconds down to ten windows. Where an accelerometer is logged it is what counts:
 an attitude that drifts pushes the force that follows from the motion, and no accelerometer. The
 strength follows from the compiled effect, flown along the same flights and averaged in the same
-way.
+way. What scatters as much along thrust, where the drag hardly pushes, is no gust.
 """
 
 from __future__ import annotations
@@ -246,14 +246,15 @@ def find_gusts(
     """
     if not shows_moving_air(system.model.effects) or not {*FORCE} <= {*system.names}:
         return None
-    channels = ACC[:2] if {*ACC[:2]} <= {*system.names} else FORCE[:2]
+    channels = ACC if {*ACC} <= {*system.names} else FORCE
     forces = _force_windows(system, _without_gust_winds(joint, system.model), channels)
     if not forces:
         return None
     equivalent = _equivalent_wind(forces, system.model)
     wind = equivalent.without_regressors(equivalent.wind)
+    along = np.concatenate([f.along - f.along.mean() for f in forces])
     lengths_s = _stretch_lengths_s(forces)
-    on_each = [_excess_on(length_s, forces, wind, len(lengths_s)) for length_s in lengths_s]
+    on_each = [_excess_on(length_s, forces, wind, along, len(lengths_s)) for length_s in lengths_s]
     excesses = [excess for excess in on_each if excess]
     if not excesses:
         return None
@@ -293,9 +294,16 @@ def _parts() -> int:
 
 
 def _excess_on(
-    length_s: float, forces: Sequence[_ForceWindows], wind: np.ndarray, scales: int
+    length_s: float,
+    forces: Sequence[_ForceWindows],
+    wind: np.ndarray,
+    along: np.ndarray,
+    scales: int,
 ) -> _Excess | None:
-    """Return how much wind (M, 2) scatters on stretches of this length; None where it is noise."""
+    """Return how much wind (M, 2) scatters on stretches of this length.
+
+    None where it is noise, or scatters no more than what pushes ``along`` thrust, (M,).
+    """
     first = np.cumsum([0, *(len(f.at) for f in forces)])
     windows = [
         k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f, length_s)
@@ -309,6 +317,10 @@ def _excess_on(
     # F test: two axes of every stretch against what its shorter means have about their own mean
     count = 2 * len(windows)
     chance = float(fdtrc(count, count * (stretches.parts - 1.0), slow / noise))
+    # and against the one axis along thrust
+    shaken = float(np.mean(stretches.means(along) ** 2))
+    if shaken > 0.0:
+        chance = max(chance, float(fdtrc(count, len(windows), slow / shaken)))
     # Bonferroni over the scales
     chance = min(1.0, chance * scales)
     return _Excess(stretches, slow, noise, chance) if chance <= settings.statistics.chance else None
@@ -316,24 +328,26 @@ def _excess_on(
 
 @dataclasses.dataclass(frozen=True)
 class _ForceWindows:
-    """Windows of one flight with horizontal force residuals, expressed as equivalent wind.
+    """Windows of one flight with force residuals, expressed as equivalent wind.
 
     Attributes
     ----------
     rows : of the flight.
     at : (m,) windows.
     wind : (m, 2) east and north, m/s.
+    along : (m,) what pushes along thrust, as wind that would push as much across, m/s.
     force_per_wind : (m, 2, 2) force by channel and axis of a unit wind, N per m/s.
     """
 
     rows: FlightRows
     at: np.ndarray
     wind: np.ndarray
+    along: np.ndarray
     force_per_wind: np.ndarray
 
 
 def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> list[_ForceWindows]:
-    """Return windows of every flight that has any, of two channels of horizontal force."""
+    """Return windows of every flight that has any, of these three channels of force."""
     east_and_north = Variant("wind", {}, tuple(amplitude_of("wind", p) for p in WIND))
     system_of_wind = build(system.recordings, system.model, [east_and_north], system)
     columns = [
@@ -343,20 +357,21 @@ def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> lis
     ]
     # the motion has to be known as well: a drag acts by it
     channels, motion = (
-        np.array([system_of_wind.names.index(name) for name in two]) for two in (names, FORCE[:2])
+        np.array([system_of_wind.names.index(name) for name in three]) for three in (names, FORCE)
     )
+    across, thrust = channels[:2], channels[2]
     forces = []
     for rows, residuals in zip(system_of_wind.flights, raw_residuals(system, joint), strict=True):
-        force_per_wind = np.stack([rows.x.of(c, columns) for c in channels], axis=1)
+        force_per_wind = np.stack([rows.x.of(c, columns) for c in across], axis=1)
         # can be inverted where the vehicle stands on edge
         force_per_wind += settings.numerics.small * np.abs(force_per_wind).max() * np.eye(2)
         known = np.isfinite(residuals[:, [*channels, *motion]]).all(axis=1)
         at = np.flatnonzero(known & np.isfinite(_log_height(rows)))
         if force_per_wind.any() and len(at):
-            wind = np.linalg.solve(force_per_wind[at], residuals[np.ix_(at, channels)][:, :, None])[
-                :, :, 0
-            ]
-            forces.append(_ForceWindows(rows, at, wind, force_per_wind[at]))
+            pushes = force_per_wind[at]
+            wind = np.linalg.solve(pushes, residuals[np.ix_(at, across)][:, :, None])[:, :, 0]
+            along = residuals[at, thrust] / np.sqrt(np.abs(np.linalg.det(pushes)))
+            forces.append(_ForceWindows(rows, at, wind, along, pushes))
     return forces
 
 
