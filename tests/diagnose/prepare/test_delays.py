@@ -255,8 +255,8 @@ def test_a_voltage_is_as_noisy_as_its_drive():
 def test_a_log_is_as_late_as_it_is_behind_its_commands_at_most():
     """Behind them by the motors' 20 ms and 60 more, or 20, and against the motion by 100."""
     late = _climbing(0.1)
-    ahead_s = {0.06: 0.06, 0.02: None}
-    for room_s, delay_s in ahead_s.items():
+    expected_s = {0.06: 0.06, 0.02: None}
+    for room_s, delay_s in expected_s.items():
         asked = np.sqrt(1.0 + 0.05 * _signal(T - 0.1 + 0.02 + room_s, 1))
         asked = MODEL.hover_rad_s / 1000.0 * asked
         flight = late.replace(columns={**late.columns, **dict.fromkeys(COMMAND, asked)})

@@ -239,18 +239,20 @@ def _fit_terms(
     variants = [Variant(LAW, {}, (amplitude_of(LAW, key),)) for key in keys]
     # along the path of the names' own fit
     flights = (before.regression.system if before else start.system).recordings
-    with_law = model.with_effects(names)
+    with_names = model.with_effects(names)
     # flights show a law over the mass or the inertia. Only about a law that acts do their columns
     # have its part, and its coefficients what is uncertain with them
     for like in (start.system, with_columns(start.system, ())):
-        design = build(flights, with_law.with_effects({LAW: law}), variants, like)
+        design = build(flights, with_names.with_effects({LAW: law}), variants, like)
         chosen = free_columns(design)
         regression = whiten_system(design, estimate_noise(design, chosen))
-        ahead = [given[key] - law[key] for key in keys]
-        joint = joint_fit(regression, chosen, np.array(ahead), regression.prior.sd[chosen])
+        prior_mean = np.array([given[key] - law[key] for key in keys])
+        joint = joint_fit(regression, chosen, prior_mean, regression.prior.sd[chosen])
         law = law | {key: law[key] + float(c) for key, c in zip(keys, joint.chosen, strict=True)}
     # noise and trims follow, as they do with names
-    refitted = make_regression(build(flights, with_law.with_effects({LAW: law}), (), start.system))
+    refitted = make_regression(
+        build(flights, with_names.with_effects({LAW: law}), (), start.system)
+    )
     trims = joint_fit(refitted, ())
     fitted = Fitted(
         {**names, LAW: law},

@@ -18,7 +18,11 @@ from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.system import System, residuals_with
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
-from ges.diagnose.estimate.contributions import contributions, size_of_contribution
+from ges.diagnose.estimate.contributions import (
+    contributions,
+    rms_by_channel,
+    size_of_contribution,
+)
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.estimate.joint import raw_residuals
 from ges.diagnose.library.candidates import (
@@ -374,28 +378,26 @@ def practically_significant(
     lag undoes does no more than recalibration alone.
     """
     system = fitted.regression.system
-    scales = np.array([system.model.reference_scale(c) for c in system.main])
-    of_least = np.array([least_rms_in(c, system.model) for c in system.main]) / scales
-
-    def mean_squares(values: Sequence[np.ndarray]) -> np.ndarray:
-        together = np.concatenate([v[:, : len(scales)] for v in values])
-        return np.array([_mean_square(column) for column in together.T]) / scales**2
-
+    reference = np.array([system.model.reference_scale(c) for c in system.main])
+    of_least = np.array([least_rms_in(c, system.model) for c in system.main]) / reference
     as_given, after = (
-        mean_squares(residuals)
+        rms_by_channel(residuals, system) / reference
         for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))
     )
 
     def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
-        corrects, gain = effect_table.get(name).about == "parameter", as_given - after
+        corrects, gain = effect_table.get(name).about == "parameter", as_given**2 - after**2
         # of what flights are nearer by no more is the name's than what it makes
-        share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), np.sqrt(mean_squares(made)))
+        own = rms_by_channel(made, system) / reference
+        share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), own)
         if not corrects:
             # recalibration may have moved this very number
-            without = recalibrated.with_effect_of(name, nominal)
-            share[after >= mean_squares(residuals_with(system, without))] = 0.0
+            without = residuals_with(system, recalibrated.with_effect_of(name, nominal))
+            share[after >= rms_by_channel(without, system) / reference] = 0.0
         least = np.zeros(len(share)) if corrects else of_least
-        c = int(np.argmax(share - least))
+        margin = share - least
+        # force and accelerometer show one push alike but for rounding; the first is named
+        c = int(np.argmax(margin > margin.max() - settings.numerics.small))
         because = "no nearer than the vehicle file, as given or recalibrated"
         if share[c] > 0.0:
             percent, channel = 100.0 * share[c], system.main[c]
@@ -404,12 +406,6 @@ def practically_significant(
         return Decision(PRACTICAL, passed, because, float(share[c]), float(least[c]))
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
-
-
-def _mean_square(residual: np.ndarray) -> float:
-    """Return the mean square of a residual (m,) where it is there, 0 where it never is."""
-    there = residual[np.isfinite(residual)]
-    return float(np.mean(there**2)) if len(there) else 0.0
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:

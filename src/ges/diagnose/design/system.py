@@ -346,11 +346,8 @@ def _endogenous(
     """Return what instruments do not explain of the columns; of nuisances as it was before."""
     # projected over all windows in the air: a channel that has gaps, or had any, has none
     alike = [rows, like] if like else [rows]
-    in_air = {
-        c: name
-        for c, name in enumerate(names)
-        if all(np.isfinite(r.y[r.air, c]).all() for r in alike)
-    }
+    whole = np.all([np.isfinite(r.y[r.air]).all(axis=0) for r in alike], axis=0)
+    in_air = {c: name for c, name in enumerate(names) if whole[c]}
     own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
     # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
     separate_keys = [

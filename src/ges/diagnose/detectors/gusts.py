@@ -252,9 +252,9 @@ def find_gusts(
         return None
     equivalent = _equivalent_wind(forces, system.model)
     wind = equivalent.without_regressors(equivalent.wind)
-    along = np.concatenate([f.along - f.along.mean() for f in forces])
+    axial = np.concatenate([f.axial - f.axial.mean() for f in forces])
     lengths_s = _stretch_lengths_s(forces)
-    on_each = [_excess_on(length_s, forces, wind, along, len(lengths_s)) for length_s in lengths_s]
+    on_each = [_excess_on(length_s, forces, wind, axial, len(lengths_s)) for length_s in lengths_s]
     excesses = [excess for excess in on_each if excess]
     if not excesses:
         return None
@@ -297,12 +297,12 @@ def _excess_on(
     length_s: float,
     forces: Sequence[_ForceWindows],
     wind: np.ndarray,
-    along: np.ndarray,
+    axial: np.ndarray,
     scales: int,
 ) -> _Excess | None:
     """Return how much wind (M, 2) scatters on stretches of this length.
 
-    None where it is noise, or scatters no more than what pushes ``along`` thrust, (M,).
+    None where it is noise, or scatters no more than the ``axial`` push, (M,).
     """
     first = np.cumsum([0, *(len(f.at) for f in forces)])
     windows = [
@@ -318,9 +318,9 @@ def _excess_on(
     count = 2 * len(windows)
     chance = float(fdtrc(count, count * (stretches.parts - 1.0), slow / noise))
     # and against the one axis along thrust
-    shaken = float(np.mean(stretches.means(along) ** 2))
-    if shaken > 0.0:
-        chance = max(chance, float(fdtrc(count, len(windows), slow / shaken)))
+    axial_slow = float(np.mean(stretches.means(axial) ** 2))
+    if axial_slow > 0.0:
+        chance = max(chance, float(fdtrc(count, len(windows), slow / axial_slow)))
     # Bonferroni over the scales
     chance = min(1.0, chance * scales)
     return _Excess(stretches, slow, noise, chance) if chance <= settings.statistics.chance else None
@@ -335,14 +335,16 @@ class _ForceWindows:
     rows : of the flight.
     at : (m,) windows.
     wind : (m, 2) east and north, m/s.
-    along : (m,) what pushes along thrust, as wind that would push as much across, m/s.
+    axial : (m,) what pushes along thrust, as wind that would push as much across, m/s.
+    log_height : (m,) of :func:`_log_height`.
     force_per_wind : (m, 2, 2) force by channel and axis of a unit wind, N per m/s.
     """
 
     rows: FlightRows
     at: np.ndarray
     wind: np.ndarray
-    along: np.ndarray
+    axial: np.ndarray
+    log_height: np.ndarray
     force_per_wind: np.ndarray
 
 
@@ -366,12 +368,13 @@ def _force_windows(system: System, joint: JointFit, names: Sequence[str]) -> lis
         # can be inverted where the vehicle stands on edge
         force_per_wind += settings.numerics.small * np.abs(force_per_wind).max() * np.eye(2)
         known = np.isfinite(residuals[:, [*channels, *motion]]).all(axis=1)
-        at = np.flatnonzero(known & np.isfinite(_log_height(rows)))
+        height = _log_height(rows)
+        at = np.flatnonzero(known & np.isfinite(height))
         if force_per_wind.any() and len(at):
             pushes = force_per_wind[at]
             wind = np.linalg.solve(pushes, residuals[np.ix_(at, across)][:, :, None])[:, :, 0]
-            along = residuals[at, thrust] / np.sqrt(np.abs(np.linalg.det(pushes)))
-            forces.append(_ForceWindows(rows, at, wind, along, pushes))
+            axial = residuals[at, thrust] / np.sqrt(np.abs(np.linalg.det(pushes)))
+            forces.append(_ForceWindows(rows, at, wind, axial, height[at], pushes))
     return forces
 
 
@@ -399,7 +402,6 @@ def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) 
     how fast it is in all: powers of a half and of one, of that axis alone, and of the climb.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
-    height = _log_height(forces.rows)[forces.at]
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     # a unit force along each body axis, as the wind that would push so
     push = np.linalg.inv(forces.force_per_wind)
@@ -410,7 +412,7 @@ def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) 
     of_form = [push * speed[:, None, :2]]
     factors = (np.sqrt(sideways), sideways, np.abs(speed[:, :2]), climb)
     of_form += [of_form[0] * factor[:, None] for factor in factors]
-    return np.concatenate([axes, height[:, None, None] * axes, *of_form, trims], axis=2)
+    return np.concatenate([axes, forces.log_height[:, None, None] * axes, *of_form, trims], axis=2)
 
 
 def _log_height(rows: FlightRows) -> np.ndarray:

@@ -19,6 +19,23 @@ from ges.simulator import effects as effect_table
 from ges.threads import each
 
 
+def rms_by_channel(values: Sequence[np.ndarray], system: System) -> np.ndarray:
+    """Return the rms of every plain channel over all flights.
+
+    Parameters
+    ----------
+    values : by flight, (m, C) or more channels, in the channels' units; NaN where absent.
+    system : of the flights, with C plain channels.
+
+    Returns
+    -------
+    (C,), 0 where a channel is absent throughout.
+    """
+    together = np.concatenate([v[:, : len(system.main)] for v in values]).T
+    finite = [column[np.isfinite(column)] for column in together]
+    return np.array([np.sqrt(np.mean(column**2)) if len(column) else 0.0 for column in finite])
+
+
 def size_of_contribution(contribution: Sequence[np.ndarray], system: System) -> dict[str, Any]:
     """Return the rms of an effect's contribution in the channel where it is largest.
 
@@ -38,11 +55,10 @@ def size_of_contribution(contribution: Sequence[np.ndarray], system: System) -> 
     """
     more = 1.0 + settings.numerics.small
     best: dict[str, Any] = {"value": 0.0, "unit": "N", "share_of_weight": 0.0, "channel": ""}
-    for c, channel in enumerate(system.main):
+    for channel, rms in zip(
+        system.main, rms_by_channel(contribution, system).tolist(), strict=True
+    ):
         unit, scale = size_unit(channel), system.model.reference_scale(channel)
-        values = np.concatenate([a[:, c] for a in contribution])
-        values = values[np.isfinite(values)]
-        rms = float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
         if rms / scale > more * best["share_of_weight"]:
             best = {"value": rms, "unit": unit, "share_of_weight": rms / scale, "channel": channel}
     return best

@@ -134,10 +134,9 @@ def _nearest(channel: str, quantity: str) -> str:
         return "a damping of the turn" if same and kind == "moment" else "a coupling of the turns"
     if kind == "moment":
         return "a frame or a flapping rotor whose centre of pressure is off the centre of mass"
-    if axis == "z" and quantity in own:
-        return "an axial inflow, or a drag of another form"
     if quantity in own:
-        return "a drag of another form"
+        drag = "a drag of another form"
+        return f"an axial inflow, or {drag}" if axis == "z" else drag
     if axis == "z":
         return "a lift of the frame or of the rotors in forward flight"
     return "an asymmetric frame, or a thrust that is turned in yaw"
