@@ -9,7 +9,9 @@ import keyword
 import os
 import pkgutil
 import re
+import signal
 import sys
+from types import FrameType
 
 import click
 
@@ -64,10 +66,25 @@ def main() -> None:
     # a terminal of another alphabet has a question mark for what it cannot show
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
+    interrupts = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        signal.default_int_handler(number, frame)
+
+    # who has it ignored, as a shell of what runs in the background, is not interrupted
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
-        for word in sys.argv[1:]:
-            require_text(word)
-        sys.exit(cli(standalone_mode=False))
+        try:
+            for word in sys.argv[1:]:
+                require_text(word)
+            sys.exit(cli(standalone_mode=False))
+        # compiled modules that are being imported make errors of their own of an interrupt
+        except Exception as error:
+            if interrupts:
+                raise click.Abort from error
+            raise
     except GesError as error:
         click.echo(f"ges: {error}", err=True)
         sys.exit(error.exit_code)
