@@ -173,25 +173,45 @@ def test_a_search_that_agrees_with_its_noise_stays():
     assert search_until_stable(*nothing, ())[2] == ()
 
 
-def test_what_shakes_one_flight_alone_is_no_noise_of_the_others():
-    """To the noise of all flights together it is all that is left, and coloured as it is: from
-    there nothing is found. The search starts once more from the noise without it.
+@pytest.mark.parametrize("others", [1e-3, 1.0], ids=["one flight alone", "all flights"])
+def test_what_moves_flights_slowly_is_no_noise(others):
+    """To the first noise it is all that is left, and coloured as it is: from there nothing is
+    found. The search starts once more from the noise without it.
     """
-    rng, made = np.random.default_rng(0), []
+    rng, signals = np.random.default_rng(0), []
     for f in range(3):
         x = gaussian_filter1d(rng.standard_normal((2, ROWS)), 20.0, axis=1)
         x /= x.std(axis=1, keepdims=True)
-        x[1] *= 1e-3 if f else 1.0
-        y = 0.1 * rng.standard_normal(ROWS) + 20.0 * x[1]
-        made.append(rows_of(y[:, None], [{0: row} for row in x]))
-    wide = {"low": -1e9, "high": 1e9}
-    columns = [amplitude(key, **wide) for key in ("rotor_drag.k_kg", "tether.weight_N_m")]
-    regression = make_regression(system_of(("force_z",), columns, made))
-    listed = [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
-    assert regression.noise.noisiest_flight[0] > settings.statistics.flights_ratio
+        x[1] *= others if f else 1.0
+        signals.append((0.1 * rng.standard_normal(ROWS) + 20.0 * x[1], x))
+    regression, listed = _slow(signals)
     assert search(regression, listed).best.names == ()
     _, found, chosen = search_until_stable(regression, listed, ())
     assert chosen == (1,) and found.best.names == ("tether",)
+
+
+def test_a_drift_that_an_effect_happens_to_follow_stays_noise():
+    """Without most of it the noise is as slow as before, and finds nothing."""
+    rng, signals = np.random.default_rng(0), []
+    for _ in range(3):
+        walk = np.cumsum(rng.standard_normal(ROWS))
+        x = gaussian_filter1d(rng.standard_normal((2, ROWS)), 20.0, axis=1)
+        x /= x.std(axis=1, keepdims=True)
+        x[1] = gaussian_filter1d(walk - walk.mean(), 20.0) / walk.std() + 0.6 * x[1]
+        signals.append((walk, x))
+    regression, listed = _slow(signals)
+    share = [np.corrcoef(y, x[1])[0, 1] ** 2 for y, x in signals]
+    assert min(share) > 0.5
+    assert search_until_stable(regression, listed, ())[2] == ()
+
+
+def _slow(signals):
+    """Regression of residuals and two columns (2, m) by flight, and its candidates."""
+    rows = [rows_of(y[:, None], [{0: row} for row in x]) for y, x in signals]
+    wide = {"low": -1e9, "high": 1e9}
+    columns = [amplitude(key, **wide) for key in ("rotor_drag.k_kg", "tether.weight_N_m")]
+    regression = make_regression(system_of(("force_z",), columns, rows))
+    return regression, [Candidate(c.variant.effect, "physics", (c.variant,)) for c in columns]
 
 
 def test_what_one_of_a_family_does_is_no_noise_though_none_is_told():

@@ -26,14 +26,12 @@ class NoiseModel:
     growth : (C,) growth of the variance with the covariate.
     disturbance : (C,) size of disturbances that feedback may have followed, over ``sd``. It is the
         residual of the nuisances alone, without the noisiest flights.
-    noisiest_flight : (C,) residual of the noisiest flight over that of the middle one.
     """
 
     ar: np.ndarray
     sd: np.ndarray
     growth: np.ndarray
     disturbance: np.ndarray
-    noisiest_flight: np.ndarray
 
 
 def noise_residuals(
@@ -206,7 +204,7 @@ def estimate_noise(
     # the controller responded to what columns explain, too: so without them
     plain = noise_residuals(system, every) if len(chosen) or together else None
 
-    def of_channel(c: int) -> tuple[np.ndarray, float, float, float, float]:
+    def of_channel(c: int) -> tuple[np.ndarray, float, float, float]:
         residuals = [e[c] for e in by_flight]
         ar, sd, growth = _channel_noise(system, residuals, runs, covariate)
         sd = max(sd, floor[c])
@@ -215,7 +213,7 @@ def estimate_noise(
             if plain and c in endogenous
             else 1.0
         )
-        return ar, sd, growth, disturbance, _noisiest_over_median(residuals)
+        return ar, sd, growth, disturbance
 
     return NoiseModel(*(np.array(values) for values in zip(*each(of_channel, every), strict=True)))
 
@@ -235,12 +233,6 @@ def _disturbance_size(
         if len(value)
     ]
     return max(1.0, float(median_low(sizes)) / sd) if sizes else 1.0
-
-
-def _noisiest_over_median(residuals: Sequence[np.ndarray]) -> float:
-    """Return the size of the residual (m,) in the noisiest flight over that of the middle one."""
-    sizes = [float(np.nanstd(e)) for e in residuals if np.isfinite(e).any()]
-    return max(sizes) / max(median_low(sizes), settings.numerics.tiny) if sizes else 1.0
 
 
 def _channel_noise(

@@ -41,9 +41,10 @@ def search_until_stable(
 
     Notes
     -----
-    To the first noise a strong effect that moves some flights and not others is noise. Such an
-    effect explains most of the residual in a noisy channel. Then the search starts once more from
-    the noise without it. That search stays if it finds just the effect.
+    To the first noise a strong effect is noise, and less surprising the slower it is. Where a
+    candidate explains most of a channel's residual, the search starts once more from the noise
+    without it. That search stays if it finds just the effect: noise and set agree in both, and
+    the first is where the search began.
     """
     result = _search_and_noise(regression, candidates, base, only)
     # where names are given, no other can be hidden
@@ -126,11 +127,9 @@ def _hidden_in_noise(
     candidates: Sequence[Candidate],
     base: Sequence[str],
 ) -> list[tuple[int, ...]]:
-    """Return columns of variants that explain most of a noisy channel, the best first.
+    """Return columns of variants that explain most of a channel, the best first.
 
     There is one variant of each effect.
-
-    Channels count where some flights are noisy and others are not.
     """
     system, taken = regression.system, _effects(regression.system, chosen)
     free = {
@@ -143,16 +142,12 @@ def _hidden_in_noise(
         for k, c in enumerate(system.columns)
         if c.variant is not None and c.variant.effect in free
     ]
-    noisy = regression.noise.noisiest_flight > settings.statistics.flights_ratio
-    channels = np.flatnonzero(noisy).tolist()
-    if not listed or not channels:
+    if not listed:
         return []
+    channels = range(len(system.names))
     residuals = noise_residuals(system, channels, chosen)
     share = np.max(
-        [
-            _explained_share(system, c, [e[i] for e in residuals], listed)
-            for i, c in enumerate(channels)
-        ],
+        [_explained_share(system, c, [e[c] for e in residuals], listed) for c in channels],
         axis=0,
     )
     # most explained first: of an effect the first variant that comes is its best
