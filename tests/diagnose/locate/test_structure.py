@@ -81,6 +81,23 @@ def test_a_statistic_does_not_know_the_unit_of_its_channel(unit):
         assert scaled[key].rms == pytest.approx(unit * s.rms)
 
 
+def test_a_push_near_the_ground_shows_in_flights_that_are_mostly_high():
+    """Between knots of equal steps it rises, falls and is over before the second of them."""
+    rng, heights = np.random.default_rng(3), []
+    for _ in range(3):
+        low = 2.0 + 1.5 * np.sin(1.3 * TIME_S + rng.uniform(0, 6))
+        heights.append(np.where(TIME_S % 5.0 < 2.0, low, 20.0 + 5.0 * np.sin(0.7 * TIME_S)))
+    residuals = [
+        e + 0.5 * np.exp(-(((h - 2.0) / 0.5) ** 2))[:, None]
+        for e, h in zip(_noise(), heights, strict=True)
+    ]
+    found = _found(residuals, [{"height_over_radius": h} for h in heights])
+    mean = found["force_x", ("height_over_radius",), False]
+    assert mean.q_value <= settings.statistics.chance and mean.r2 > 0.4
+    (low, high) = mean.bounds["height_over_radius"]
+    assert 0.5 < low < 2.0 < high < 4.0
+
+
 def test_noise_has_no_structure_as_often_as_is_said():
     """Of six draws none is below a fiftieth, and their chances are not all alike."""
     told = _flights()

@@ -171,12 +171,12 @@ def _basis(
     block: np.ndarray,
     fold_of: np.ndarray,
 ) -> _Basis:
-    fold, s = fold_of[block], settings.locate
+    fold = fold_of[block]
     q = settings.statistics.extreme_quantile
     ends = (q, 1.0 - q)
     # knots end at extreme quantiles: a rare excursion sets none, and the last hat stays at one
-    spans = (np.quantile(values[name], ends) for name in regime)
-    knots = tuple(np.linspace(low, high, s.knots) for low, high in spans)
+    spans = {name: np.quantile(values[name], ends) for name in regime}
+    knots = tuple(_knots(name, *span) for name, span in spans.items())
     x = hat_functions(values[regime[0]], knots[0])
     # a place: products of the hats of both axes, bilinear between knots
     for name, k in zip(regime[1:], knots[1:], strict=True):
@@ -194,6 +194,14 @@ def _basis(
         gram,
         {f: np.linalg.inv(total - g) for f, g in gram.items()},
     )
+
+
+def _knots(name: str, low: float, high: float) -> np.ndarray:
+    """Return knots of a regime variable from its lowest to its highest value."""
+    # what a ground does falls with powers of the height: equal ratios, not equal steps
+    if name == "height_over_radius" and low > 0.0:
+        return np.geomspace(low, high, settings.locate.knots)
+    return np.linspace(low, high, settings.locate.knots)
 
 
 def _single_and_place(names: Sequence[str]) -> list[tuple[str, ...]]:
