@@ -96,6 +96,22 @@ def test_a_contradicted_number_without_a_finding_is_named(content):
     )
 
 
+def test_what_is_farthest_off_need_not_be_in_the_file(content):
+    """A centre of gravity that no file states is at the origin, as usual."""
+    off = {"value": 0.0087, "ci95": [0.0073, 0.01], "declared_sd": None, "prior_sd": 0.0024}
+    wide = {"value": 0.3, "ci95": [0.2, 0.4], "declared_sd": None, "prior_sd": None}
+    content |= {
+        "findings": [],
+        "verdict": "nothing_proven",
+        "calibration": {"cg_offset.x_m": off, "wind.x_m_s": wide},
+    }
+    assert "farthest off is cg offset x: the flights ask for +0.0087 m, 3.6 prior sds" in (
+        sentence_of(content)
+    )
+    content["verdict"] = "parameter"
+    assert sentence_of(content).startswith("The vehicle file is wrong about a nominal parameter")
+
+
 def test_what_is_open_says_how_to_find_out(content):
     content |= {
         "verdict": "ambiguous",

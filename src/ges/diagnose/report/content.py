@@ -109,15 +109,16 @@ def calibration_of(joint: JointFit, system: System, model: Model) -> dict[str, d
 
     Notes
     -----
-    ``declared_sd`` is of the file, ``prior_sd`` with what the recording adds: commands that are
-    held for an unknown time leave a lag uncertain.
+    ``declared_sd`` is of the file, None where it has none. ``prior_sd`` is the file's or the usual
+    one, with what the recording adds: commands that are held for an unknown time leave a lag
+    uncertain. It is None where flights share no value.
     """
     return {
         key: {
             "value": value,
             "ci95": list(interval95(value, joint.common_sd[key])),
             "declared_sd": model.prior_sds.get(key),
-            "prior_sd": system.prior_sd(key) if key in model.prior_sds else None,
+            "prior_sd": system.prior_sd(key) or None,
         }
         for key, value in joint.common.items()
     }

@@ -92,7 +92,7 @@ def held_out(diagnosis: Diagnosis) -> Mapping[str, Mapping[str, Any]]:
 
 
 def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Return fitted parameters of the findings, then nominal ones that recalibration moved.
+    """Return fitted parameters of the findings, then nominal ones, the farthest moved first.
 
     Parameters
     ----------
@@ -109,19 +109,19 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         for name, p in f["parameters"].items()
     ]
     # corrections are counted from the vehicle file, so the nominal value lies at zero
-    for key, p in content["calibration"].items():
-        if p["prior_sd"]:
-            rows.append(
-                {
-                    "label": key,
-                    "value": p["value"],
-                    "ci95": p["ci95"],
-                    "unit": _unit(key),
-                    "nominal": 0.0,
-                    "prior_sd": p["prior_sd"],
-                }
-            )
-    return rows
+    moved = {key: p for key, p in content["calibration"].items() if p["prior_sd"]}
+    farthest_first = sorted(
+        moved, key=lambda key: -abs(moved[key]["value"]) / moved[key]["prior_sd"]
+    )
+    return rows + [
+        {
+            "label": key,
+            "nominal": 0.0,
+            "unit": _unit(key),
+            **{k: moved[key][k] for k in ("value", "ci95", "prior_sd")},
+        }
+        for key in farthest_first
+    ]
 
 
 def _unit(key: str) -> str:

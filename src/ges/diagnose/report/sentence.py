@@ -79,7 +79,7 @@ def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
     findings, gain, loss = content["findings"], _gain(content), _loss(content)
     if not findings:
         # a contradicted nominal parameter that no effect corrects
-        wrong = _largest_correction(content) or "a nominal parameter"
+        wrong = _largest_correction(content, "declared_sd") or "a nominal parameter"
         yield f"The vehicle file is wrong about {wrong}."
         return
     if not content["fit"].get("channels"):
@@ -231,10 +231,13 @@ def _best(table: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any
     )
 
 
-def _largest_correction(content: Mapping[str, Any]) -> str:
-    """Return the number that recalibration moved farthest over its prior sd; '' within two."""
+def _largest_correction(content: Mapping[str, Any], given: str = "prior_sd") -> str:
+    """Return the number that recalibration moved farthest over its prior sd; '' within two.
+
+    Of those that have what is ``given``: ``declared_sd`` is of numbers of the vehicle file.
+    """
     # a correction counts by its prior sd; one without contradicts nothing
-    rows = {k: c for k, c in content["calibration"].items() if c["prior_sd"]}
+    rows = {k: c for k, c in content["calibration"].items() if c["prior_sd"] and c[given]}
     far = {k: abs(c["value"]) / c["prior_sd"] for k, c in rows.items()}
     key = max(far, key=lambda k: far[k], default=None)
     if key is None or far[key] < SDS_95:
@@ -318,7 +321,7 @@ def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
         where = f"The simulator is wrong in the {channel_words(first['channel'])}"
         yield f"{where} at {regime_words(first['regime'])}, and {nothing}."
         yield f"{where}, and {nothing}."
-    elif correction := _largest_correction(content):
+    elif correction := _largest_correction(content, "declared_sd"):
         yield f"The vehicle is not as its file has it: {correction}, and {nothing}."
     yield f"The simulator is wrong, and {nothing}."
 
