@@ -10,6 +10,7 @@
 
 #include "lanes.h"
 
+#define PI 3.141592653589793
 #define LN2_HIGH 6.93147180369123816490e-01
 #define LN2_LOW 1.90821492927058770002e-10
 
@@ -57,7 +58,7 @@ static inline vd lane_acos(vd x) {
   vd p = all_lanes(c[0]);
   for (int i = 1; i < 8; i++) p = p * size + c[i];
   p = p * lane_sqrt(1.0 - size);
-  return sel(LT(x, all_lanes(0.0)), 3.141592653589793 - p, p);
+  return sel(LT(x, all_lanes(0.0)), PI - p, p);
 }
 
 static inline void lane_sin_cos(vd x, vd *sine, vd *cosine) {

@@ -16,7 +16,7 @@ static vd shared(vd r, vd e) {
   vd kite = (1.0 + r - e) * (e + r - 1.0) * (e - r + 1.0) * (e + r + 1.0);
   vd area = r2 * lane_acos((e2 + r2 - 1.0) / (2.0 * e * r)) + lane_acos((e2 + 1.0 - r2) / (2.0 * e)) -
             0.5 * lane_sqrt(lane_max(kite, all_lanes(0.0)));
-  return area / (3.141592653589793 * r2);
+  return area / (PI * r2);
 }
 
 static void wrench(const sample_t *s, const vd *p, const vd *x, vd *dx, wrench_t *add) {

@@ -102,7 +102,7 @@ typedef struct {
 
 /* Induced velocity of rotor i hovering at its present thrust, squared, m^2/s^2: T / (2 rho A). */
 static inline vd induced_squared(const sample_t *s, int i) {
-  return s->thrust[i] / (s->rho * (2.0 * 3.141592653589793) * (s->radius[i] * s->radius[i]));
+  return s->thrust[i] / (s->rho * (2.0 * PI) * (s->radius[i] * s->radius[i]));
 }
 /* Sum over the rotors, pair by pair: the same bits for as many rotors in every unit. */
 static inline vd total(const sample_t *s, const vd rotor[GES_ROTORS]) {

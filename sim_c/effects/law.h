@@ -42,7 +42,7 @@ static inline references_t references_of(const sample_t *s) {
   vd arm = all_lanes(0.0), disc = all_lanes(0.0), weight = s->mass * s->gravity;
   for (int i = 0; i < ROTORS_OF(s); i++) {
     arm += lane_sqrt(s->hub[i][0] * s->hub[i][0] + s->hub[i][1] * s->hub[i][1]);
-    disc += 3.141592653589793 * (s->radius[i] * s->radius[i]);
+    disc += PI * (s->radius[i] * s->radius[i]);
   }
   l.radius = mean(s, s->radius);
   l.arm = arm / ROTORS_OF(s);
