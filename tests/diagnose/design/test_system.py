@@ -251,10 +251,11 @@ def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late()
         return found.sd
 
     own = effect_table.get("esc_delay").parameter("delay_s").prior.sd
-    pole = MODEL.number("motor_time_constant_s") / 4.0 / settings.statistics.certain_sds
+    certain = settings.statistics.certain_sds
+    pole = MODEL.number("motor_time_constant_s") / 4.0 / certain
     assert prior_sd(hovering()) == pytest.approx(np.hypot(own, pole))
     held = hovering().replace(command_hold=CommandHold(0.5, 0.4))
-    assert prior_sd(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01) ** 2))
+    assert prior_sd(held) == pytest.approx(np.sqrt(own**2 + pole**2 + (0.4 * 0.01 / certain) ** 2))
 
 
 def test_windows_are_as_long_as_the_slowest_stream_asks():

@@ -167,9 +167,11 @@ def test_a_held_command_shows_a_row_later(held):
     flight = hovering(DURATION_S, **columns)
     found = estimate_command_hold([flight])
     assert found.delay_rows == (0.5 if held else 0.0)
-    assert found.sd_rows == 0.0
+    assert found.bound_rows == 0.0
     slow = flight.replace(update_s={**flight.update_s, "command": 0.05})
-    assert estimate_command_hold([slow]).sd_rows > found.sd_rows, "rows without news tell nothing"
+    assert estimate_command_hold([slow]).bound_rows > found.bound_rows, (
+        "rows without news tell nothing"
+    )
 
 
 def test_a_gyro_s_offset_is_found_with_the_scatter_of_flights():

@@ -229,13 +229,13 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     Skogestad 2003, *J. Process Control* 13, 291.
     """
     row_s = max((slowest_update_s([f], ("command",)) for f in flights), default=0.0)
-    # a shape within a row is not logged: uniform over it. How late a command comes is, in the mean
-    rows = (
-        max(f.command_hold.sd_rows for f in flights) if timing == "delay" else 1.0 / math.sqrt(12.0)
-    )
-    # a second pole has at most half of the lag, and half of a pole is delay: a quarter of the lag
-    # is a bound, and what goes beyond it is certain
-    pole = model.number("motor_time_constant_s") / 4.0 / settings.statistics.certain_sds
+    # what goes beyond a bound is certain: of how late a command comes, in the mean
+    certain = settings.statistics.certain_sds
+    hold = max(f.command_hold.bound_rows for f in flights) / certain
+    # a shape within a row is not logged: uniform over it
+    rows = hold if timing == "delay" else 1.0 / math.sqrt(12.0)
+    # and of a second pole: it has at most half of the lag, and half of a pole is delay
+    pole = model.number("motor_time_constant_s") / 4.0 / certain
     return math.hypot(rows * row_s, pole)
 
 

@@ -64,11 +64,11 @@ class CommandHold:
     Attributes
     ----------
     delay_rows : mean delay that this adds, in rows.
-    sd_rows : its standard deviation, in rows.
+    bound_rows : most that it may be off, in rows.
     """
 
     delay_rows: float
-    sd_rows: float
+    bound_rows: float
 
 
 def default_command_hold() -> CommandHold:
