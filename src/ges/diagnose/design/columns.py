@@ -222,11 +222,12 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     """Return further sd of a drive's delay or lag.
 
     It covers how long a command was held, or for a lag the time between two rows. A motor's second
-    pole is included, of which half is delay and half is in the lag (half rule).
+    pole is included. Poles of lags a and b respond as late, in the mean and in the variance, as one
+    of lag T = sqrt(a^2 + b^2) and a delay a + b - T (method of moments).
 
     References
     ----------
-    Skogestad 2003, *J. Process Control* 13, 291.
+    Astrom and Hagglund 1995, *PID Controllers*, 2nd ed., section 2.4.
     """
     row_s = max((slowest_update_s([f], ("command",)) for f in flights), default=0.0)
     # what goes beyond a bound is certain: of how late a command comes, in the mean
@@ -234,8 +235,8 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     hold = max(f.command_hold.bound_rows for f in flights) / certain
     # a shape within a row is not logged: uniform over it
     rows = hold if timing == "delay" else 1.0 / math.sqrt(12.0)
-    # and of a second pole: it has at most half of the lag, and half of a pole is delay
-    pole = model.number("motor_time_constant_s") / 4.0 / certain
+    # and of a second pole: of two that are alike the delay is largest
+    pole = (1.0 - math.sqrt(0.5)) * model.number("motor_time_constant_s") / certain
     return math.hypot(rows * row_s, pole)
 
 
