@@ -222,8 +222,8 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     """Return further sd of a drive's delay or lag.
 
     It covers how long a command was held, or for a lag the time between two rows. A motor's second
-    pole is included. By mean and variance of the response, poles of lags a and b are one of lag
-    T = sqrt(a^2 + b^2) and a delay a + b - T (method of moments).
+    pole is included. Two lags a and b respond like a lag of sqrt(a^2 + b^2) and a delay of the
+    rest (method of moments).
 
     References
     ----------
