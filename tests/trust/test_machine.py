@@ -289,8 +289,8 @@ def test_a_diagnosis_that_is_killed_at_any_moment(tmp_path, small, known):
 @pytest.mark.slow
 @pytest.mark.parametrize("cores", ["1", "2"])
 def test_an_interrupt_of_a_diagnosis(tmp_path, small, cores):
-    """At a terminal every process of the group is sent it."""
-    for seconds in (0.6, 1.2, 3.0):
+    """At a terminal every process of the group is sent it: early, and once a stage has ended."""
+    for stage in ("", "reading", "looking for physics"):
         child = subprocess.Popen(
             [GES, "diagnose", small, "--out", tmp_path / "out"],
             stderr=subprocess.PIPE,
@@ -299,9 +299,13 @@ def test_an_interrupt_of_a_diagnosis(tmp_path, small, cores):
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
             env=environment(OMP_NUM_THREADS=cores),
         )
-        time.sleep(seconds)
+        if stage:
+            assert any(line.startswith(stage.encode()) for line in child.stderr)
+        else:
+            time.sleep(0.6)
         os.killpg(child.pid, signal.SIGINT)
-        _, told = child.communicate(timeout=60)
+        told = child.stderr.read()
+        child.wait(timeout=60)
         assert child.returncode == 130 and b"Traceback" not in told
         assert told.endswith(b"ges: interrupted; what was not finished is not there\n")
         assert not (tmp_path / "out").exists()
