@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.metadata
 import io
@@ -11,6 +12,7 @@ import pkgutil
 import re
 import signal
 import sys
+from collections.abc import Iterator
 from types import FrameType
 
 import click
@@ -66,25 +68,11 @@ def main() -> None:
     # a terminal of another alphabet has a question mark for what it cannot show
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
-    interrupts = []
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        interrupts.append(number)
-        signal.default_int_handler(number, frame)
-
-    # who has it ignored, as a shell of what runs in the background, is not interrupted
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, interrupt)
     try:
-        try:
+        with _interrupts_kept():
             for word in sys.argv[1:]:
                 require_text(word)
             sys.exit(cli(standalone_mode=False))
-        # compiled modules that are being imported make errors of their own of an interrupt
-        except Exception as error:
-            if interrupts:
-                raise click.Abort from error
-            raise
     except GesError as error:
         click.echo(f"ges: {error}", err=True)
         sys.exit(error.exit_code)
@@ -110,6 +98,27 @@ def main() -> None:
             raise
         click.echo(f"ges: {module} is not installed; run pip install '{_brings(module)}'", err=True)
         sys.exit(1)
+
+
+@contextlib.contextmanager
+def _interrupts_kept() -> Iterator[None]:
+    """Make an interrupt ``click.Abort``, whatever error a library made of it."""
+    interrupts = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        signal.default_int_handler(number, frame)
+
+    # who has it ignored, as a shell of what runs in the background, is not interrupted
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    # compiled modules that are being imported make errors of their own of an interrupt
+    except Exception as error:
+        if interrupts:
+            raise click.Abort from error
+        raise
 
 
 def _brings(module: str) -> str:

@@ -230,13 +230,15 @@ def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> floa
     Astrom and Hagglund 1995, *PID Controllers*, 2nd ed., section 2.4.
     """
     row_s = max((slowest_update_s([f], ("command",)) for f in flights), default=0.0)
-    # what goes beyond a bound is certain: of how late a command comes, in the mean
+    # how late a command comes has a bound, and so has a second pole, whose delay is largest where
+    # both are alike: what goes beyond a bound is certain
     certain = settings.statistics.certain_sds
-    hold = max(f.command_hold.bound_rows for f in flights) / certain
-    # a shape within a row is not logged: uniform over it
-    rows = hold if timing == "delay" else 1.0 / math.sqrt(12.0)
-    # and of a second pole: of two that are alike the delay is largest
     pole = (1.0 - math.sqrt(0.5)) * model.number("motor_time_constant_s") / certain
+    if timing == "delay":
+        rows = max(f.command_hold.bound_rows for f in flights) / certain
+    else:
+        # a shape within a row is not logged: uniform over it
+        rows = 1.0 / math.sqrt(12.0)
     return math.hypot(rows * row_s, pole)
 
 

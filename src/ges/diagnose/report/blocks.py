@@ -130,6 +130,25 @@ def least_relevant_error(name: str, scale: Mapping[str, float]) -> float:
     return LEAST_READING.get(unit_words(name), 0.0)
 
 
+def sds_moved(
+    calibration: Mapping[str, Mapping[str, Any]], given: str = "prior_sd"
+) -> dict[str, float]:
+    """Return how many prior sds recalibration moved each number, the farthest first.
+
+    Parameters
+    ----------
+    calibration : of diagnosis.json.
+    given : what a number has to have: ``declared_sd`` is of those of the vehicle file.
+
+    Returns
+    -------
+    By ``effect.parameter``; a number without a prior sd contradicts nothing and is left out.
+    """
+    rows = {k: c for k, c in calibration.items() if c["prior_sd"] and c[given]}
+    moved = {k: abs(c["value"]) / c["prior_sd"] for k, c in rows.items()}
+    return dict(sorted(moved.items(), key=lambda item: -item[1]))
+
+
 def remarks(content: Mapping[str, Any]) -> list[str]:
     """Return what speaks against the fit on held-out flights, with what to do.
 

@@ -13,6 +13,7 @@ from ges.diagnose.locate.regimes import Cell
 from ges.diagnose.prove.proof import Proof
 from ges.diagnose.prove.traces import Trace, trace
 from ges.diagnose.prove.verify import STAGES, horizon_times_s
+from ges.diagnose.report.blocks import sds_moved
 from ges.diagnose.report.drawing import Figure
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import json_values
@@ -109,18 +110,15 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         for name, p in f["parameters"].items()
     ]
     # corrections are counted from the vehicle file, so the nominal value lies at zero
-    moved = {key: p for key, p in content["calibration"].items() if p["prior_sd"]}
-    farthest_first = sorted(
-        moved, key=lambda key: -abs(moved[key]["value"]) / moved[key]["prior_sd"]
-    )
+    calibration = content["calibration"]
     return rows + [
         {
             "label": key,
             "nominal": 0.0,
             "unit": _unit(key),
-            **{k: moved[key][k] for k in ("value", "ci95", "prior_sd")},
+            **{k: calibration[key][k] for k in ("value", "ci95", "prior_sd")},
         }
-        for key in farthest_first
+        for key in sds_moved(calibration)
     ]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ges.conventions import SDS_95
-from ges.diagnose.report.blocks import error_rows, least_relevant_error
+from ges.diagnose.report.blocks import error_rows, least_relevant_error, sds_moved
 from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
@@ -236,16 +236,14 @@ def _largest_correction(content: Mapping[str, Any], given: str = "prior_sd") -> 
 
     Of those that have what is ``given``: ``declared_sd`` is of numbers of the vehicle file.
     """
-    # a correction counts by its prior sd; one without contradicts nothing
-    rows = {k: c for k, c in content["calibration"].items() if c["prior_sd"] and c[given]}
-    far = {k: abs(c["value"]) / c["prior_sd"] for k, c in rows.items()}
-    key = max(far, key=lambda k: far[k], default=None)
-    if key is None or far[key] < SDS_95:
+    key, sds = next(iter(sds_moved(content["calibration"], given).items()), ("", 0.0))
+    if sds < SDS_95:
         return ""
+    value = content["calibration"][key]["value"]
     return (
         f"{key_words(key)}: the flights ask for"
-        f" {_correction_words(ParameterKey.of(key).parameter, rows[key]['value'])},"
-        f" {number_words(far[key], 2)} prior sds"
+        f" {_correction_words(ParameterKey.of(key).parameter, value)},"
+        f" {number_words(sds, 2)} prior sds"
     )
 
 
