@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 
-from ges.blind.foreign import given, logs, mujoco, paths, real, rotorpy, sets, worlds
+from ges.blind.foreign import given, logs, mujoco, multirotor, paths, real, rotorpy, sets, worlds
 from ges.blind.foreign.sets import Concealed, Place, Sources
 from ges.blind.generator.detectable import body_of
 from ges.blind.protocol import seal
@@ -347,6 +348,40 @@ def test_mujoco_without_anything_in_its_drive_is_the_declared_drive():
     state = mujoco._fly(design, craft, plan, 0.0, rng).state
     plain = mujoco._plain_speed(craft, state)
     assert np.abs(plain - state["rotor_speed"]).max() < 1e-6 * craft.true["speed"]
+
+
+def test_multirotor_keeps_its_balance():
+    """What blades, a weak rotor and a shift change is all that parts the force from k w^2."""
+    pytest.importorskip("multirotor", reason="the extra 'simulators' is not installed")
+    rng = np.random.default_rng(1)
+    design = multirotor.MultirotorDesign("quad", blades=True, weak=0.1, voltage=True)
+    craft = multirotor._airframe(design, rng)
+    plan = paths.references(
+        "development", 6.0, multirotor.STEP_S, paths.Scale(1.0, 0.1, 2.0, 0.3), rng
+    )[3][:, 1000:1300]
+    flown = multirotor._fly(design, craft, plan, rng)
+    force = craft.true["mass"] * flown.state["specific_force"]
+    assert set(flown.changes) == {
+        "axial_inflow",
+        "translational_lift",
+        "thrust_curve",
+        "weak_rotor",
+    }
+    # of the weak rotor the blades change a tenth less
+    left = force[:, 2] - craft.true["thrust"] * (flown.state["rotor_speed"] ** 2).sum(axis=1)
+    parts = {n: c["force_N"][:, 2] for n, c in flown.changes.items() if n != "thrust_curve"}
+    of_blades = parts["axial_inflow"] + parts["translational_lift"]
+    assert np.abs(left - sum(parts.values())).max() < 0.1 * np.abs(of_blades).max()
+    # thrust falls with climb and rises with speed along the disc
+    climb = np.einsum("ni,ni->n", flown.state["v"], _up(flown.state["q"]))
+    assert np.corrcoef(climb, parts["axial_inflow"])[0, 1] < -0.9
+    assert parts["translational_lift"].min() > -1e-6
+    # commands that are a share of the voltage make more than they would of the speed
+    assert flown.changes["thrust_curve"]["speed_rad_s"][-1].min() > 0.0
+
+
+def _up(q: np.ndarray) -> np.ndarray:
+    return Rotation.from_quat(q, scalar_first=True).apply([0.0, 0.0, 1.0])
 
 
 ARRAYS = """

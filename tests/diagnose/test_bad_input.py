@@ -74,6 +74,13 @@ def _moving(**changes) -> pd.DataFrame:
     return _flight(**turned | changes)
 
 
+def _turning(turns: float, **changes) -> pd.DataFrame:
+    """The hover while it turns on the spot; its set-point counts the turns, in radians."""
+    yaw = 2.0 * np.pi * turns * T / T[-1]
+    turned = {"q_w": np.cos(0.5 * yaw), "q_z": np.sin(0.5 * yaw), "yaw_ref_rad": yaw}
+    return _flight(**turned | changes)
+
+
 SPEEDS = {f"rotor_speed_{i}_rad_s": None for i in range(1, 5)}
 CASES = {
     "no drive": ([_flight(**SPEEDS), _flight(**SPEEDS)], "neither rotor speeds", 1),
@@ -104,6 +111,11 @@ CASES = {
         1,
     ),
     "commands in per cent": ([_moving(u_1=0 * T + 55.0)] * 2, "commands are 0..1", 1),
+    "set-point in degrees": (
+        [_turning(0.5, yaw_ref_rad=180.0 * T / T[-1])] * 2,
+        "it looks like degrees; convert to rad",
+        1,
+    ),
     "one flight": ([_flight()], "needed are 2 or more", 1),
 }
 
@@ -157,6 +169,11 @@ def test_a_flight_in_order_is_not_refused():
     still = {"acc_x_m_s2": 0 * T, "acc_y_m_s2": 0 * T, "acc_z_m_s2": 0 * T + 9.8}
     flights = make_set(load_vehicle("appius"), [("f", _moving(**still))])
     assert not flights.warnings and len(flights.flights) == 1
+
+
+def test_a_set_point_may_count_its_turns():
+    flights = make_set(load_vehicle("appius"), [("f", _turning(9.0))])
+    assert flights.flights[0].frame["yaw_ref_rad"].max() > 50.0
 
 
 def test_no_flight_at_all_is_said():

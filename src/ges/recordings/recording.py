@@ -70,7 +70,6 @@ _PLAUSIBLE = (
     ("range_m", 500.0, "it looks like millimetres; convert to m"),
     ("u_", 1.5, "commands are 0..1; divide by the full scale"),
     ("q_", 1.1, "quaternions have norm 1"),
-    ("yaw_ref_rad", 30.0, "it looks like degrees; convert to rad"),
 )
 
 
@@ -181,6 +180,7 @@ def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | 
     checks = (
         _too_fast(frame, hover_rad_s),
         _wrong_force(frame),
+        _wrong_heading(frame),
     )
     return next((f"{name}: {problem}" for problem in checks if problem), None)
 
@@ -212,6 +212,28 @@ def _wrong_force(frame: pd.DataFrame) -> str | None:
         return (
             f"acc_z_m_s2 reads {usual:.2g} most of the time: z points down; the body frame is"
             " forward-left-up, so negate y and z of accelerometer and gyro"
+        )
+    return None
+
+
+def _wrong_heading(frame: pd.DataFrame) -> str | None:
+    if not {"yaw_ref_rad", *QUATERNION} <= set(frame.columns):
+        return None
+    asked, w, x, y, z = frame[["yaw_ref_rad", *QUATERNION]].dropna().to_numpy().T
+    largest = np.abs(asked).max(initial=0.0)
+    # within a turn radians may be meant as well; beyond it they may count the turns
+    if largest <= 2.0 * np.pi:
+        return None
+    heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    in_rad, in_deg = (
+        float(np.median(np.abs(np.angle(np.exp(1j * (angle - heading))))))
+        for angle in (asked, np.radians(asked))
+    )
+    if in_deg < in_rad:
+        return (
+            f"yaw_ref_rad reaches {largest:.3g}, and the attitude is"
+            f" {in_deg:.2g} rad from it in degrees, {in_rad:.2g} in radians: it looks like"
+            " degrees; convert to rad"
         )
     return None
 

@@ -26,6 +26,7 @@ from ges.blind.foreign import (
     home,
     logs,
     mujoco,
+    multirotor,
     real,
     rotorpy,
     second,
@@ -130,6 +131,7 @@ WORLDS: dict[str, World] = {
             environment=ARRAYS,
         ),
         _flown(mujoco.WORLD, "MuJoCo's actuators, fluid, wind and tendons", mujoco),
+        _flown(multirotor.WORLD, "multirotor's propellers and motors", multirotor),
         World(
             logs.WORLD,
             "logs of PX4 flying in Gazebo and in SIH",
