@@ -32,5 +32,6 @@ EFFECT(ground_effect_moment) = {
     .feedback = GES_FEEDBACK_NONE,
     .needs = "height",
     .hints = GES_LEVER_OF_CARRIER,
+    .carried = LEVELS(-0.5, 0, 0.5, 4),
     .ground = ground,
 };

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ges.diagnose.design.feedback import (
+    OWN_MOMENT,
     FlightInstruments,
     _are_strong,
     endogenous_parts,
@@ -91,11 +92,14 @@ def test_of_a_gain_what_it_does_by_fast_changes_of_thrust_is_loose():
 
 
 def test_of_a_cushion_s_moment_what_changes_is_loose_and_of_another_gain_s_nothing():
+    """While it is searched, the moment of the gain counts in full."""
     x = 3.0 + np.sin(T)
-    found = _endogenous(("ground_effect.c_a", "thrust_scale.scale"), ("moment_x",), [x, x])
+    keys = (f"ground_effect.c_a{OWN_MOMENT}", "thrust_scale.scale", "ground_effect.c_a")
+    found = _endogenous(keys, ("moment_x",), [x, x, x])
     part = found["thrust_gain", 0]
-    np.testing.assert_allclose(part["ground_effect.c_a"], x - x.mean())
+    np.testing.assert_allclose(part[keys[0]], x - x.mean())
     np.testing.assert_array_equal(part["thrust_scale.scale"], 0.0)
+    np.testing.assert_array_equal(part["ground_effect.c_a"], 0.0)
 
 
 def test_a_rangefinder_s_scale_is_loose_where_heights_change():

@@ -297,9 +297,9 @@ def test_parts_split_a_column_between_forces_and_moments_and_lose_nothing():
     names = ("force_x", "moment_y", "acc_z")
     whole = {0: np.ones(3), 1: 2.0 * np.ones(3), 2: 3.0 * np.ones(3)}
     force, moment = (amplitude("rotor_drag.k_kg", part) for part in ("force", "moment"))
-    assert set(force.restricted_to_part(whole, names)) == {0, 2}
-    assert set(moment.restricted_to_part(whole, names)) == {1}
-    assert amplitude("rotor_drag.k_kg").restricted_to_part(whole, names) is whole
+    assert set(force.own_changes(whole, names)) == {0, 2}
+    assert set(moment.own_changes(whole, names)) == {1}
+    assert amplitude("rotor_drag.k_kg").own_changes(whole, names) is whole
     assert force.recipe == moment.recipe and force.key == moment.key == "rotor_drag.k_kg"
 
 
@@ -315,6 +315,22 @@ def test_a_cushion_a_drag_and_an_inflow_have_moments_of_their_own():
     lever = _variant("ground_effect_moment", "q")
     parts = [c.part for c in build(flight, MODEL, [cushion, lever]).columns if c.variant]
     assert parts == ["force", ""], "its moment is free beside it"
+
+
+def test_a_gain_of_the_moment_is_of_one_column_with_the_force():
+    shape = {"form": 3.0, "amplitude": 1.0, "high": 10.0, "decay": 0.5}
+    flight, plain = manoeuvre(), _variant("ground_effect", "c_a", **shape)
+    twice = dataclasses.replace(plain, moment_gain=2.0)
+    parts, whole = build([flight], MODEL, [plain]), build([flight], MODEL, [twice])
+    force, moment = (k for k, c in enumerate(parts.columns) if c.variant)
+    (both,) = (k for k, c in enumerate(whole.columns) if c.variant)
+    count = len(parts.main)
+    one, other = parts.flights[0], whole.flights[0]
+    got = other.weighted_columns({both: 1.0}, count)
+    expected = one.weighted_columns({force: 1.0, moment: 2.0}, count)
+    np.testing.assert_allclose(got, expected)
+    acts = {c for c, column in zip(parts.main, got.T, strict=True) if np.nanmax(np.abs(column)) > 0}
+    assert {"force_z", "moment_y"} <= acts
 
 
 def test_columns_are_about_the_effect_that_is_on():

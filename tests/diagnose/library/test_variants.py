@@ -18,6 +18,7 @@ from ges.diagnose.library.candidates import (
     reach_of,
     usual_height_m,
 )
+from ges.diagnose.library.grids import library
 from ges.diagnose.library.requirements import (
     REQUIREMENTS,
     needs_attitude,
@@ -98,6 +99,22 @@ def test_a_place_moves_by_a_share_of_what_it_acts_over_and_nothing_else_is_held(
     assert reach_of(("rotor_drag", "k_kg"), values, MODEL) == 0.0
     thin = {"downwash": {"width_m": 0.01, "other_x_m": 1.0}}
     assert reach_of(("downwash", "other_x_m"), thin, MODEL) == pytest.approx(0.05), "a radius"
+
+
+def test_of_a_gain_near_the_ground_the_moment_has_several_sizes_and_its_force_one():
+    """How far the gain of a rotor spreads is not known; a moment alone is no such gain."""
+    listed = library(MODEL)
+    gains = {name: {v.moment_gain for v in c.variants} for name, c in listed.items()}
+    levels = effect_table.get("ground_effect_moment").carried
+    assert gains.pop("ground_effect") == {1.0 + level for level in levels} and min(levels) > -1.0
+    assert set().union(*gains.values()) == {None}
+    keys = [v.key for v in listed["ground_effect"].variants]
+    assert len(set(keys)) == len(keys)
+    # other modifiers are given with it, and this one is not named by the search
+    assert {e for v in listed["ground_effect"].variants for e in v.given} == {
+        "ground_effect_lag",
+        "ground_effect_forward_flight",
+    }
 
 
 def test_every_need_of_a_descriptor_is_known_here():

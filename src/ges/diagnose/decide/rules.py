@@ -330,10 +330,10 @@ def significant(fitted: Fitted, name: str) -> Decision:
 
     Notes
     -----
-    Some amplitude must be clear of neutral with its shape given, by more than its sd with the shape
-    free. It must also be certainly beyond its prior, and nothing at a bound. A wind must blow at
-    all. The file has ten numbers or more, which are always free: so what corrects one must be
-    certain.
+    Some amplitude must be clear of neutral with its shape given: an effect whose size its shape
+    leaves open is there all the same. It must also be certainly beyond its prior, and nothing at a
+    bound. A wind must blow at all. The file has ten numbers or more, which are always free: so what
+    corrects one must be certain.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -354,9 +354,9 @@ def significant(fitted: Fitted, name: str) -> Decision:
         prior = system.number_with_prior(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = not prior or abs(deviation - prior.mean) > certain_sds * prior.sd
-        if is_beyond_prior and abs(deviation) > fitted.sd(name, parameter):
+        if is_beyond_prior:
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
-    because = f"{farthest:.3g} sds from neutral" if farthest else "within its sd, or its prior sd"
+    because = f"{farthest:.3g} sds from neutral" if farthest else "within its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
 
 
@@ -412,7 +412,8 @@ def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
     """Return amplitudes beyond a bound of the library, and places on the body at its hull.
 
     The flights ask for more than the effect can be: something else is behind it. An amplitude whose
-    optimum is no farther beyond its bound than its sd may well be what the bound allows.
+    optimum is no farther beyond its bound than its sd, its shape given, may well be what the bound
+    allows.
 
     Parameters
     ----------
@@ -427,9 +428,8 @@ def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
     for e, p in fitted.free:
         value, effect, a = fitted.effects[e][p], effect_table.get(e), amplitude_of(e, p)
         at_hull = effect.parameter(p).reach_over == HULL and value in fit_bounds((e, p), model)
-        is_amplitude = p not in effect.shapes and value != a.neutral
-        is_beyond = value in (a.low, a.high) and fitted.sds_beyond_bound(e, p) > 1.0
-        if at_hull or is_amplitude and is_beyond:
+        at_bound = p not in effect.shapes and value != a.neutral and value in (a.low, a.high)
+        if at_hull or at_bound and fitted.sds_beyond_bound(e, p) > 1.0:
             at_bounds.append((e, p))
     return at_bounds
 

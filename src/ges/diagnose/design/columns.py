@@ -67,10 +67,11 @@ class DesignColumn:
 
     Notes
     -----
-    A ground-effect thrust gain is split into parts. How much the gains of the rotors differ, and so
-    the moment, depends on how far each of them spreads. A sideways force on the rotors is split
-    too. Its lever about the centre of gravity is millimetres long. Small moments are measured far
-    better than small forces, and would decide its size.
+    A sideways force on the rotors is split into parts. Its lever about the centre of gravity is
+    millimetres long. Small moments are measured far better than small forces, and would decide its
+    size. So is a thrust gain near the ground in a fit. How much the gains of the rotors differ, and
+    so the moment, depends on how far each of them spreads. A search tries several gains of the
+    moment in place of a free one: a moment without the force is no such gain.
     """
 
     label: str
@@ -87,22 +88,24 @@ class DesignColumn:
         v = variant_of(self)
         return v.effect, tuple(v.shape.items()), v.amplitudes[self.amplitude], repr(v.given)
 
-    def restricted_to_part(
+    def own_changes(
         self, changes: Mapping[int, np.ndarray], names: Sequence[str]
     ) -> Mapping[int, np.ndarray]:
-        """Return the changes that belong to this column's part.
+        """Return the changes that belong to this column's part, moments by their gain.
 
         Parameters
         ----------
-        changes : by channel, (m,), of all that the coefficient moves.
+        changes : by channel, (m,), of all that the recipe moves.
         names : of the channels.
         """
-        if not self.part:
+        gain = self.variant.moment_gain if self.variant else None
+        if not self.part and gain is None:
             return changes
+        is_moment = {c: block_of(names[c]) == "moment" for c in changes}
         return {
-            c: value
+            c: value if gain is None or not is_moment[c] else gain * value
             for c, value in changes.items()
-            if (block_of(names[c]) == "moment") == (self.part == "moment")
+            if not self.part or is_moment[c] == (self.part == "moment")
         }
 
     @property
@@ -297,23 +300,24 @@ def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     return {**variant.given, **stepped}, step
 
 
-def column_parts(effect: str, others_present: Collection[str]) -> tuple[str, ...]:
-    """Return parts of an effect's columns, see :class:`DesignColumn`.
+def column_parts(variant: Variant, others_present: Collection[str]) -> tuple[str, ...]:
+    """Return parts of a variant's columns, see :class:`DesignColumn`.
 
     Parameters
     ----------
-    effect : name of it.
+    variant : of an effect. One whose moments have a gain is whole.
     others_present : effects with columns beside it.
 
     Notes
     -----
     It has the force alone where another effect present makes its moment free.
     """
-    if "own_lever" not in effect_table.get(effect).hints:
+    effect = effect_table.get(variant.effect)
+    if "own_lever" not in effect.hints or variant.moment_gain is not None:
         return ("",)
     others = map(effect_table.get, others_present)
     levers = {e.modifies for e in others if "lever_of_carrier" in e.hints}
-    return ("force",) if effect in levers else ("force", "moment")
+    return ("force",) if effect.name in levers else ("force", "moment")
 
 
 @dataclasses.dataclass(frozen=True)

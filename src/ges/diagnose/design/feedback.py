@@ -53,6 +53,8 @@ from ges.simulator.laws import LAW
 VERTICAL = ("force_z", "acc_z")
 ROLL_PITCH, YAW = ("moment_x", "moment_y"), "moment_z"
 DRIVE, MOTION = "drive", "motion"
+OWN_MOMENT = "/moment"
+"""Behind the key of a moment that has a coefficient, and so an endogenous part, of its own."""
 
 
 def _effect_of(key: str) -> effect_table.Effect | None:
@@ -321,8 +323,10 @@ def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.nd
     # a gain's force is in proportion to thrust: one share of it is endogenous, whatever the gain
     if channel.name in VERTICAL:
         return x * channel.endogenous_share()
-    # of moments only that of a gain near the ground
-    return np.array(list(map(near_ground_gain, keys)), dtype=float) * _without_mean(x)
+    # of moments only that of a gain near the ground that is on: while one is searched, its moment
+    # tells it from a fountain
+    is_on = [near_ground_gain(key) and key.endswith(OWN_MOMENT) for key in keys]
+    return np.array(is_on, dtype=float) * _without_mean(x)
 
 
 def _changes(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
@@ -476,8 +480,7 @@ def endogenous_parts(
         for c, name in channels.items() if columns else ():
             channel = _Channel(name, instruments, length_s, rates_measured)
             if shows(channel):
-                # of a force and its moment the one that acts here. The moment of a ground effect
-                # counts in full while it is searched: it tells one from a fountain
+                # of a force and its moment the one that acts here
                 here = dict(zip(x.at[c].tolist(), x.values[c], strict=True))
                 acting = here if kind == MOTION else ()
                 parts[kind, c] = {

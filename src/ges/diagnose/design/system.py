@@ -21,6 +21,7 @@ from ges.diagnose.design.columns import (
 )
 from ges.diagnose.design.drives import Drive, have_same_drive
 from ges.diagnose.design.feedback import (
+    OWN_MOMENT,
     EndogenousParts,
     FlightInstruments,
     endogenous_parts,
@@ -304,7 +305,7 @@ def flight_rows(
         flight, windows, model, names, here, base, list(new.values()), drives
     )
     values = {**computed, **dict(zip(new, changes, strict=True))}
-    x = table_of([c.restricted_to_part(values[c.recipe], names) for c in columns], *y.shape)
+    x = table_of([c.own_changes(values[c.recipe], names) for c in columns], *y.shape)
     # a beam that tilted a little further would see no ground
     y = np.where(x.finite() & (air[:, None] | driven), y, np.nan)
     thrust = _thrust_N(model, base.drive)
@@ -351,7 +352,7 @@ def _endogenous(
     own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
     # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
     separate_keys = [
-        f"{c.key}/{c.part}"
+        f"{c.key}{OWN_MOMENT}"
         if (c := columns[k]).part == "moment" and variant_of(c).effect in model.effects
         else c.key
         for k in own
@@ -569,9 +570,7 @@ def build(
     )
     for v in variants:
         # without channels of moments there is nothing to split
-        parts = (
-            column_parts(v.effect, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
-        )
+        parts = column_parts(v, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
         columns += [
             DesignColumn(v.key, variant=v, amplitude=j, part=part)
             for j in range(len(v.amplitudes))

@@ -80,7 +80,7 @@ class Fitted:
         return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
 
     def sds_beyond_bound(self, effect: str, parameter: str) -> float:
-        """Return the distance of the optimum from the fitted value, in the parameter's sd.
+        """Return the distance of the optimum from the fitted value in its sd, given the shape.
 
         Parameters
         ----------
@@ -90,8 +90,10 @@ class Fitted:
         -----
         Only a bound of the parameter keeps a fit that converged from its optimum.
         """
-        i = self.free.index((effect, parameter))
-        return abs(float(self.joint_free_moments.chosen[i])) / self.sd(effect, parameter)
+        i, step = self.free.index((effect, parameter)), self.joint_free_moments.chosen
+        given, gain = self._regression_on_shape(effect, i, self.covariance)
+        sd = self._sd_given_shape(effect, parameter, self.covariance)
+        return abs(float(step[i] - gain @ step[given])) / sd
 
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
         """Return the distance of an amplitude from neutral in its sd, given the effect's shape.
@@ -113,27 +115,34 @@ class Fitted:
         Gregory and Veall 1985, *Econometrica* 53, 1465, of Wald's statistic.
         """
         covariance = self.covariance if self.chord_covariance is None else self.chord_covariance
-        i = self.free.index((effect, parameter))
-        given = [
-            k
-            for k, (e, p) in enumerate(self.free)
-            if (e == effect and p in effect_table.get(effect).shapes)
-            or _wind_and_its_drag(e, effect)
-        ]
-        # Schur complement: the variance of a normal given what is held
-        cross = covariance[i, given]
-        own = (
-            covariance[i, i]
-            - cross @ np.linalg.pinv(covariance[np.ix_(given, given)], hermitian=True) @ cross
-        )
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
-        sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+        sd = self._sd_given_shape(effect, parameter, covariance)
         # posterior mean over posterior sd under N(neutral, plausible^2), which shrinks both
         descriptor = effect_table.get(effect).parameter(parameter)
         plausible = (
             descriptor.plausible if descriptor.corrects and descriptor.plausible else math.inf
         )
         return abs(away) / (sd * math.hypot(1.0, sd / plausible))
+
+    def _sd_given_shape(self, effect: str, parameter: str, covariance: np.ndarray) -> float:
+        """Return the sd of an amplitude given the effect's shape, with the form error."""
+        i = self.free.index((effect, parameter))
+        given, gain = self._regression_on_shape(effect, i, covariance)
+        own = covariance[i, i] - gain @ covariance[given, i]
+        return math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+
+    def _regression_on_shape(
+        self, effect: str, i: int, covariance: np.ndarray
+    ) -> tuple[list[int], np.ndarray]:
+        """Return numbers of what an amplitude is given for, and its gain on them (Schur)."""
+        given = [
+            k
+            for k, (e, p) in enumerate(self.free)
+            if (e == effect and p in effect_table.get(effect).shapes)
+            or _wind_and_its_drag(e, effect)
+        ]
+        inner = np.linalg.pinv(covariance[np.ix_(given, given)], hermitian=True)
+        return given, covariance[i, given] @ inner
 
     def _form_error(self, effect: str, parameter: str) -> float:
         """Return the sd of a parameter that is due to the form of its effect."""

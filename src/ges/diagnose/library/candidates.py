@@ -55,12 +55,15 @@ class Variant:
     shape : values of the shape parameters.
     amplitudes : the coefficients.
     given : prerequisite effects at a usual size, where the vehicle has none of them on.
+    moment_gain : factor on all moments, in a search that tries several; None where they are as the
+        effect makes them, or have a coefficient of their own.
     """
 
     effect: str
     shape: Mapping[str, float]
     amplitudes: tuple[Amplitude, ...]
     given: effect_table.Effects = dataclasses.field(default_factory=dict)
+    moment_gain: float | None = None
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -78,7 +81,8 @@ class Variant:
         }
         shape = ",".join(f"{k}={v:g}" for k, v in values.items())
         amplitudes = ",".join(f"{a.parameter} by {a.step:g}" for a in self.amplitudes)
-        return f"{self.effect}[{shape}]({amplitudes})"
+        gain = "" if self.moment_gain is None else f"{{moment by {self.moment_gain:g}}}"
+        return f"{self.effect}[{shape}]({amplitudes}){gain}"
 
     def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return all parameters of the effect.

@@ -28,6 +28,7 @@ from ges.simulator.effects import Effect, Parameter, SearchHints
 
 Rule = Callable[[Effect, SearchHints, Model, FlightEnvelope], tuple[Variant, ...]]
 NOWHERE = FlightEnvelope()
+LEVER = "lever_of_carrier"
 
 
 def library(model: Model, envelope: FlightEnvelope = NOWHERE) -> dict[str, Candidate]:
@@ -87,7 +88,27 @@ def _variants(effect: Effect, model: Model, envelope: FlightEnvelope) -> tuple[V
         return (_variant(effect, tuple(names)),)
     listed = [v for s in effect.searches for v in RULES[s.rule](effect, s, model, envelope)]
     usual = _usual_prerequisite(effect, model)
-    return tuple(dataclasses.replace(v, given=usual) if usual else v for v in listed)
+    return tuple(
+        dataclasses.replace(v, given=usual or v.given, moment_gain=gain)
+        for v in listed
+        for gain in _moment_gains(effect)
+    )
+
+
+def _moment_gains(effect: Effect) -> tuple[float | None, ...]:
+    """Return factors on the moments of an effect that are tried; None alone for most.
+
+    How much the thrust gains of rotors differ near the ground, and so their moment, depends on how
+    far each spreads. That is the number of another effect. With it at several levels moment and
+    force stay those of one gain.
+    """
+    levels = [
+        level
+        for other in effect_table.table().values()
+        if other.modifies == effect.name and LEVER in other.hints
+        for level in other.carried
+    ]
+    return tuple(1.0 + level for level in levels) or (None,)
 
 
 def _within_bounds(variant: Variant) -> bool:
@@ -151,6 +172,7 @@ def _grid(
         {other.name: {other.amplitudes[0]: level}}
         for other in effect_table.table().values()
         if other.modifies == effect.name and other.name not in model.effects
+        if LEVER not in other.hints
         for level in other.carried
     ]
     return tuple(dataclasses.replace(v, given=way) for v in plain for way in ways)
