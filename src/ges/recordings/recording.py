@@ -229,7 +229,8 @@ def _wrong_heading(frame: pd.DataFrame) -> str | None:
         float(np.median(np.abs(np.angle(np.exp(1j * (angle - heading))))))
         for angle in (asked, np.radians(asked))
     )
-    if in_deg < in_rad:
+    # a heading that follows neither is no evidence
+    if 2.0 * in_deg < in_rad:
         return (
             f"yaw_ref_rad reaches {largest:.3g}, and the attitude is"
             f" {in_deg:.2g} rad from it in degrees, {in_rad:.2g} in radians: it looks like"
