@@ -302,7 +302,10 @@ def test_an_interrupt_of_a_diagnosis(tmp_path, small, cores):
         if stage:
             assert any(line.startswith(stage.encode()) for line in child.stderr)
         else:
-            time.sleep(0.6)
+            # Python itself has started once the program imports; a busy machine takes its time
+            maps, deadline = Path(f"/proc/{child.pid}/maps"), time.monotonic() + 60.0
+            while "numpy" not in maps.read_text() and time.monotonic() < deadline:
+                time.sleep(0.01)
         os.killpg(child.pid, signal.SIGINT)
         told = child.stderr.read()
         child.wait(timeout=60)
