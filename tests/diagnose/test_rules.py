@@ -198,7 +198,7 @@ def test_an_amplitude_stands_whose_size_its_shape_leaves_open(amplitude, proven)
     """
     covariance = np.array([[0.01, 0.00999], [0.00999, 0.01]])
     free = (("ground_effect", "c_a"), ("ground_effect", "decay"))
-    # amplitude and decay both ask for more than their bounds, and more than a tenth is an sd
+    # at the bound of one the flights ask for more of both than bounds allow
     joint = SimpleNamespace(chosen=np.array([1.0, 0.5]) * (amplitude == 2.0))
     fitted = Fitted(
         {"ground_effect": {"c_a": amplitude, "decay": 0.3}}, free, covariance, joint, joint, BOARD

@@ -16,16 +16,15 @@ from typing import Any
 import numpy as np
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
+from ges.blind.foreign.piloted import change_by_shift, noisy_command, require_on_path
+from ges.blind.foreign.sets import Concealed, Design, Place, one_by_one, untrimmed
 from ges.blind.generator.airframe import TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
-from ges.blind.generator.pilot import Pilot
 
 WORLD = "mujoco"
 NEEDS = ("mujoco",)
 SECONDS = 15.0
 STEP_S, STEPS_A_COMMAND = 0.002, 2
-OFF_PATH_M = 3.0
 GRAVITY_M_S2 = 9.81
 QUAD = ((1, -1, 0, 1), (-1, 1, 0, 1), (1, 1, 0, -1), (-1, -1, 0, -1))
 """Place (x, y over the lever, z over the radius) and spin of each rotor, seen from above,
@@ -291,31 +290,18 @@ def _fly(
     u = np.full(craft.n_rotors, hover)
     for k in range(plan.shape[1]):
         if k % STEPS_A_COMMAND == 0:
-            u = _command(pilot, plan[:, k], data, rng)
+            turn, v, omega = _rotation(data), data.qvel[:3], data.qvel[3:6]
+            u = noisy_command(pilot, plan[:, k], data.qpos[:3], v, turn, omega, rng)
         # a firmware that wants thrust in proportion to the square of its command; where the drive
         # is not what it believes the square is not what comes out
         data.ctrl[:] = (1.0 - design.curve) * u + design.curve * u**2
         mujoco.mj_forward(model, data)
         rows.append(_row(model, data, design, craft, u, plan[:, k]))
         mujoco.mj_step(model, data)
-        if not np.abs(data.qpos[:3] - plan[:3, k]).max() < OFF_PATH_M:
-            raise OffPath(
-                f"'{design.key}' lost its path {k * STEP_S:.1f} s after the start; the path is too"
-                " fast for the vehicle"
-            )
+        require_on_path(design.key, data.qpos[:3], plan[:3, k], k * STEP_S)
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0]}
     forces = {n: states.pop(n) for n in list(states) if n.startswith("of_")}
     return TrueFlight(STEP_S, states, _changes(design, craft, states, forces))
-
-
-def _command(pilot: Pilot, ref: np.ndarray, data: Any, rng: np.random.Generator) -> np.ndarray:
-    """Return the commands of a controller that sees its state with noise."""
-    turn = _rotation(data)
-    p = data.qpos[:3] + 0.002 * rng.standard_normal(3)
-    v = data.qvel[:3] + 0.01 * rng.standard_normal(3)
-    omega = data.qvel[3:6] + 0.01 * rng.standard_normal(3)
-    state = (p[:, None], v[:, None], turn[:, :, None], omega[:, None])
-    return pilot.command(ref[:, None], np.zeros((4, 1)), *state, np.ones(1))[:, 0]
 
 
 def _rotation(data: Any) -> np.ndarray:
@@ -396,9 +382,7 @@ def _changes(
             "moment_Nm": np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1),
         }
     if design.shift:
-        # the rotors moved by (-a, a / 2) against the centre of mass
-        lever = design.shift * craft.arm_m * thrust.sum(axis=1)
-        changes["cg_offset"] = {"moment_Nm": np.stack([0.5 * lever, lever, 0.0 * lever], axis=1)}
+        changes["cg_offset"] = change_by_shift(design.shift * craft.arm_m, thrust)
     drives = {
         "thrust_curve": design.curve != 1.0,
         "rotor_saturation": design.ceiling < 1.0,

@@ -16,17 +16,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ges.blind.foreign.paths import Scale, references
-from ges.blind.foreign.sets import Concealed, Design, OffPath, Place, one_by_one, untrimmed
+from ges.blind.foreign.piloted import change_by_shift, noisy_command, require_on_path
+from ges.blind.foreign.sets import Concealed, Design, Place, one_by_one, untrimmed
 from ges.blind.generator.airframe import RHO_KG_M3, TrueVehicle, draw_nominal
 from ges.blind.generator.detectable import TrueFlight, body_of, driven
-from ges.blind.generator.pilot import Pilot
 from ges.conventions import GRAVITY_M_S2
 
 WORLD = "multirotor"
 NEEDS = ("multirotor",)
 SECONDS = 15.0
 STEP_S, STEPS_A_COMMAND = 0.002, 2
-OFF_PATH_M = 3.0
 INCH_M = 0.0254
 BATTERY_V = 14.8
 # mass kg, rotor radius and pitch m, chord over radius, lever m, inertia kg m^2, thrust over weight,
@@ -122,7 +121,7 @@ make = one_by_one(_fly_design, METHOD)
 def _airframe(design: MultirotorDesign, rng: np.random.Generator) -> TrueVehicle:
     mass, radius, _, _, lever, inertia, lift, lag, _, _ = VEHICLES[design.vehicle]
     angles = np.radians(ARMS[design.vehicle])
-    blade = _propeller(design.vehicle, 1.0)
+    blade = _propeller(design.vehicle)
     # of still air thrust is k w^2, whatever the speed
     thrust = float(blade.thrust(100.0, np.zeros(3))) / 100.0**2
     hover = float(np.sqrt(mass * GRAVITY_M_S2 / (len(angles) * thrust)))
@@ -142,7 +141,7 @@ def _airframe(design: MultirotorDesign, rng: np.random.Generator) -> TrueVehicle
     )
 
 
-def _propeller(vehicle: str, drag: float) -> Any:
+def _propeller(vehicle: str) -> Any:
     """Return the package's propeller of a vehicle, by its blades.
 
     What it calls a diameter is its radius (0.5.0), and of the pitch it takes the ratio to that.
@@ -158,7 +157,6 @@ def _propeller(vehicle: str, drag: float) -> Any:
             pitch=0.5 * pitch / INCH_M,
             c=chord * radius,
             use_thrust_constant=False,
-            k_drag=drag,
         ),
         SimulationParams(dt=STEP_S, g=GRAVITY_M_S2, rho=RHO_KG_M3),
     )
@@ -218,13 +216,13 @@ def _fly(
     inverse = np.linalg.inv(inertia)
     moved = craft.hubs_m - design.shift * craft.arm_m * np.array([1.0, -0.5, 0.0])
     share = 1.0 - design.weak * (np.arange(craft.n_rotors) == 1)
-    air = _Air(design, craft)
+    air = _Air(design, craft, moved)
     pilot = untrimmed(craft, design.wrong, true["lag"], STEP_S * STEPS_A_COMMAND)
     drive, plain = _Drive(design, craft), _Drive(MultirotorDesign(design.vehicle), craft)
 
     def rate(x: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the rate of the package's state, and the force in the body frame."""
-        thrust = share * air.thrusts(x, speeds, moved)[0]
+        thrust = share * air.thrusts(x, speeds)
         force = np.array([0.0, 0.0, thrust.sum()])
         torque = np.array(
             [
@@ -244,7 +242,9 @@ def _fly(
     rows, u = [], np.zeros(craft.n_rotors)
     for k in range(plan.shape[1]):
         if k % STEPS_A_COMMAND == 0:
-            u = np.clip(_command(pilot, plan[:, k], x, rng), 0.0, 1.0)
+            turn = _turn(x).as_matrix()
+            v, omega = turn @ x[3:6], x[9:12]
+            u = noisy_command(pilot, plan[:, k], x[:3], v, turn, omega, rng).clip(0.0, 1.0)
         speeds = drive.speeds_rad_s
         first, force = rate(x, speeds)
         rows.append(_row(x, speeds, plain.speeds_rad_s, u, force / true["mass"], plan[:, k]))
@@ -253,26 +253,20 @@ def _fly(
         # Heun's method, with the rotors at both ends
         second, _ = rate(x + STEP_S * first, drive.speeds_rad_s)
         x = x + 0.5 * STEP_S * (first + second)
-        if not np.abs(x[:3] - plan[:3, k]).max() < OFF_PATH_M:
-            raise OffPath(
-                f"'{design.key}' lost its path {k * STEP_S:.1f} s after the start; the path is too"
-                " fast for the vehicle"
-            )
+        require_on_path(design.key, x[:3], plan[:3, k], k * STEP_S)
     states = {n: np.stack([r[n] for r in rows]) for n in rows[0]}
     x, off = states.pop("x"), states["rotor_speed"] - states.pop("plain")
     changes: dict[str, Any] = {}
     thrust = true["thrust"] * states["rotor_speed"] ** 2
     if design.blades:
         path: Iterable[Any] = zip(x, states["rotor_speed"], strict=True)
-        parts = np.array([air.thrusts(row, speeds, moved)[1] for row, speeds in path])
+        parts = np.array([air.parts(*row) for row in path])
         changes["axial_inflow"] = body.wrench(parts[:, 0])
         changes["translational_lift"] = body.wrench(parts[:, 1])
     if design.weak:
         changes["weak_rotor"] = body.wrench((share - 1.0) * thrust)
     if design.shift:
-        # the rotors moved by (-a, a / 2) against the centre of mass
-        lever = design.shift * craft.arm_m * thrust.sum(axis=1)
-        changes["cg_offset"] = {"moment_Nm": np.stack([0.5 * lever, lever, 0.0 * lever], axis=1)}
+        changes["cg_offset"] = change_by_shift(design.shift * craft.arm_m, thrust)
     for name, on in (("thrust_curve", design.voltage), ("rotor_saturation", design.ceiling < 1.0)):
         if on:
             changes[name] = driven(body, true, states["rotor_speed"], off)
@@ -280,43 +274,36 @@ def _fly(
 
 
 class _Air:
-    """Thrusts of the rotors of a vehicle in the air that they move through."""
+    """Thrusts of the rotors of a vehicle in the air that they move through.
 
-    def __init__(self, design: MultirotorDesign, craft: TrueVehicle) -> None:
-        self.design, self.k = design, craft.true["thrust"]
-        self.propeller = _propeller(design.vehicle, craft.true["torque"])
+    States are the package's, (12,), and rotor speeds (n_rotors,) in rad/s.
+    """
 
-    def thrusts(
-        self, x: np.ndarray, speeds: np.ndarray, hubs: np.ndarray
-    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Return the thrust of each rotor, and its parts by climb and by speed along the disc."""
-        still = self.k * speeds**2
-        if not self.design.blades:
-            return still, (0.0 * still, 0.0 * still)
+    def __init__(self, design: MultirotorDesign, craft: TrueVehicle, hubs_m: np.ndarray) -> None:
+        self.blades, self.k, self.hubs_m = design.blades, craft.true["thrust"], hubs_m
+        self.propeller = _propeller(design.vehicle)
+
+    def thrusts(self, x: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Return the thrust of each rotor (N)."""
+        return self._of_blades(speeds, self._flow(x)) if self.blades else self.k * speeds**2
+
+    def parts(self, x: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what climb changes of the thrusts of blades, and then speed along the disc (N)."""
+        axial = self._of_blades(speeds, self._flow(x) * np.array([0.0, 0.0, 1.0]))
+        return axial - self.k * speeds**2, self.thrusts(x, speeds) - axial
+
+    def _flow(self, x: np.ndarray) -> np.ndarray:
         # the blade equation counts a climb negative: its axes point down
-        flow = (x[3:6] + np.cross(x[9:12], hubs)) * np.array([1.0, 1.0, -1.0])
-        axial = self._blades(speeds, flow * np.array([0.0, 0.0, 1.0]))
-        whole = self._blades(speeds, flow)
-        return whole, (axial - still, whole - axial)
+        return (x[3:6] + np.cross(x[9:12], self.hubs_m)) * np.array([1.0, 1.0, -1.0])
 
-    def _blades(self, speeds: np.ndarray, flow: np.ndarray) -> np.ndarray:
+    def _of_blades(self, speeds: np.ndarray, flow: np.ndarray) -> np.ndarray:
         return np.array(
             [self.propeller.thrust(w, f) for w, f in zip(speeds, flow, strict=True)], dtype=float
         )
 
 
 def _turn(x: np.ndarray) -> Rotation:
-    return Rotation.from_euler("ZYX", x[..., [8, 7, 6]])
-
-
-def _command(pilot: Pilot, ref: np.ndarray, x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the commands of a controller that sees its state with noise."""
-    turn = _turn(x).as_matrix()
-    p = x[:3] + 0.002 * rng.standard_normal(3)
-    v = turn @ x[3:6] + 0.01 * rng.standard_normal(3)
-    omega = x[9:12] + 0.01 * rng.standard_normal(3)
-    state = (p[:, None], v[:, None], turn[:, :, None], omega[:, None])
-    return pilot.command(ref[:, None], np.zeros((4, 1)), *state, np.ones(1))[:, 0]
+    return Rotation.from_euler("ZYX", x[[8, 7, 6]])
 
 
 def _row(

@@ -82,7 +82,7 @@ class DesignColumn:
 
     @property
     def recipe(self) -> tuple:
-        """What the column is computed from; columns of one recipe differ in their parts."""
+        """What the column is computed from; columns of one recipe differ in parts or gains."""
         if self.nuisance is not None:
             return (self.nuisance.key,)
         v = variant_of(self)
@@ -98,15 +98,14 @@ class DesignColumn:
         changes : by channel, (m,), of all that the recipe moves.
         names : of the channels.
         """
-        gain = self.variant.moment_gain if self.variant else None
-        if not self.part and gain is None:
-            return changes
         is_moment = {c: block_of(names[c]) == "moment" for c in changes}
-        return {
-            c: value if gain is None or not is_moment[c] else gain * value
-            for c, value in changes.items()
-            if not self.part or is_moment[c] == (self.part == "moment")
-        }
+        if self.part:
+            wanted = self.part == "moment"
+            return {c: value for c, value in changes.items() if is_moment[c] == wanted}
+        gain = self.variant.moment_gain if self.variant else None
+        if gain is None:
+            return changes
+        return {c: gain * value if is_moment[c] else value for c, value in changes.items()}
 
     @property
     def key(self) -> str:

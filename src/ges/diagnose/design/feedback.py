@@ -9,8 +9,8 @@ coefficient may err by the correlation (see ``whiten``). The kinds are:
   balance. A trim moment has causes of its own (a shifted centre of gravity, a weak rotor), and is
   subtracted first (see :func:`subtract_trims`).
 - ``thrust_gain``: what multiplies thrust. Its part along thrust is endogenous where thrust changed
-  fast and not its gain. So are changes of the moment of a gain near the ground, because attitude
-  responds too.
+  fast and not its gain. So are changes of the moment of a gain near the ground that is on, because
+  attitude responds too.
 - ``rotor``: what takes thrust from one rotor. Changes of its moment in roll and pitch are
   endogenous, which show responses to yaw as well. With a weak rotor a response in roll also yaws,
   and takes large changes of all speeds. Its trim counts in full.

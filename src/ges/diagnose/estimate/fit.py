@@ -91,8 +91,7 @@ class Fitted:
         Only a bound of the parameter keeps a fit that converged from its optimum.
         """
         i, step = self.free.index((effect, parameter)), self.joint_free_moments.chosen
-        given, gain = self._regression_on_shape(effect, i, self.covariance)
-        sd = self._sd_given_shape(effect, parameter, self.covariance)
+        given, gain, sd = self._given_shape(effect, parameter, self.covariance)
         return abs(float(step[i] - gain @ step[given])) / sd
 
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
@@ -116,7 +115,7 @@ class Fitted:
         """
         covariance = self.covariance if self.chord_covariance is None else self.chord_covariance
         away = self.effects[effect][parameter] - amplitude_of(effect, parameter).neutral
-        sd = self._sd_given_shape(effect, parameter, covariance)
+        *_, sd = self._given_shape(effect, parameter, covariance)
         # posterior mean over posterior sd under N(neutral, plausible^2), which shrinks both
         descriptor = effect_table.get(effect).parameter(parameter)
         plausible = (
@@ -124,25 +123,24 @@ class Fitted:
         )
         return abs(away) / (sd * math.hypot(1.0, sd / plausible))
 
-    def _sd_given_shape(self, effect: str, parameter: str, covariance: np.ndarray) -> float:
-        """Return the sd of an amplitude given the effect's shape, with the form error."""
+    def _given_shape(
+        self, effect: str, parameter: str, covariance: np.ndarray
+    ) -> tuple[list[int], np.ndarray, float]:
+        """Return numbers of what an amplitude is given for, its gain on them, and its sd then."""
         i = self.free.index((effect, parameter))
-        given, gain = self._regression_on_shape(effect, i, covariance)
-        own = covariance[i, i] - gain @ covariance[given, i]
-        return math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
-
-    def _regression_on_shape(
-        self, effect: str, i: int, covariance: np.ndarray
-    ) -> tuple[list[int], np.ndarray]:
-        """Return numbers of what an amplitude is given for, and its gain on them (Schur)."""
         given = [
             k
             for k, (e, p) in enumerate(self.free)
             if (e == effect and p in effect_table.get(effect).shapes)
             or _wind_and_its_drag(e, effect)
         ]
-        inner = np.linalg.pinv(covariance[np.ix_(given, given)], hermitian=True)
-        return given, covariance[i, given] @ inner
+        # Schur complement: the variance of a normal given what is held
+        gain = covariance[i, given] @ np.linalg.pinv(
+            covariance[np.ix_(given, given)], hermitian=True
+        )
+        own = covariance[i, i] - gain @ covariance[given, i]
+        sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
+        return given, gain, sd
 
     def _form_error(self, effect: str, parameter: str) -> float:
         """Return the sd of a parameter that is due to the form of its effect."""

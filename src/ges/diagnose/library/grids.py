@@ -28,7 +28,6 @@ from ges.simulator.effects import Effect, Parameter, SearchHints
 
 Rule = Callable[[Effect, SearchHints, Model, FlightEnvelope], tuple[Variant, ...]]
 NOWHERE = FlightEnvelope()
-LEVER = "lever_of_carrier"
 
 
 def library(model: Model, envelope: FlightEnvelope = NOWHERE) -> dict[str, Candidate]:
@@ -102,13 +101,17 @@ def _moment_gains(effect: Effect) -> tuple[float | None, ...]:
     far each spreads. That is the number of another effect. With it at several levels moment and
     force stay those of one gain.
     """
-    levels = [
-        level
+    levers = _modifiers(effect, are_levers=True)
+    return tuple(1.0 + level for lever in levers for level in lever.carried) or (None,)
+
+
+def _modifiers(effect: Effect, are_levers: bool) -> list[Effect]:
+    """Return what modifies an effect: its moment's lever alone, or all else that it does."""
+    return [
+        other
         for other in effect_table.table().values()
-        if other.modifies == effect.name and LEVER in other.hints
-        for level in other.carried
+        if other.modifies == effect.name and ("lever_of_carrier" in other.hints) == are_levers
     ]
-    return tuple(1.0 + level for level in levels) or (None,)
 
 
 def _within_bounds(variant: Variant) -> bool:
@@ -170,9 +173,8 @@ def _grid(
         return plain
     ways = [
         {other.name: {other.amplitudes[0]: level}}
-        for other in effect_table.table().values()
-        if other.modifies == effect.name and other.name not in model.effects
-        if LEVER not in other.hints
+        for other in _modifiers(effect, are_levers=False)
+        if other.name not in model.effects
         for level in other.carried
     ]
     return tuple(dataclasses.replace(v, given=way) for v in plain for way in ways)
