@@ -396,6 +396,15 @@ def test_a_column_at_an_end_of_its_range_steps_inward(at, step):
     assert taken == -step and stepped["inertia"]["zz"] == pytest.approx(at - step)
 
 
+@pytest.mark.parametrize(("at", "taken"), [(0.06, 0.44), (0.3, -0.5)])
+def test_a_step_longer_than_either_room_ends_at_the_farther_bound(at, taken):
+    """Levels of a lag are multiples of the nominal one, which a slow motor has long."""
+    model = MODEL.with_effects({"motor_lag": {"up_s": at, "down_s": at}})
+    stepped, step = _step_parameter(model, "motor_lag", {}, "down_s", 0.6)
+    assert step == pytest.approx(taken)
+    assert stepped["motor_lag"]["down_s"] == pytest.approx(at + taken)
+
+
 def test_a_lag_is_doubtful_by_what_a_command_does_between_two_rows():
     flights = [hovering()]
     by_sd = {}

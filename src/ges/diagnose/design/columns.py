@@ -263,14 +263,14 @@ def _step_parameter(
 ) -> tuple[dict, float]:
     """Return an effect with one parameter a step further, and that step.
 
-    The step is reversed where it would leave the bounds.
+    The step is reversed where it would leave the bounds. Where both ways would, it is the longest
+    that does not.
     """
-    descriptor = effect_table.get(effect)
     values_now = {**model.values_of(effect), **values}
-    p = descriptor.parameter(parameter)
-    if not p.low <= values_now[parameter] + step <= p.high:
-        step = -step
-    return {effect: {**values_now, parameter: values_now[parameter] + step}}, step
+    now, p = values_now[parameter], effect_table.get(effect).parameter(parameter)
+    within = [s for s in (step, -step) if p.low <= now + s <= p.high]
+    taken = within[0] if within else max(p.low - now, p.high - now, key=abs)
+    return {effect: {**values_now, parameter: now + taken}}, taken
 
 
 def _reference(model: Model, column: DesignColumn) -> dict:
