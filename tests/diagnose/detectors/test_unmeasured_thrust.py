@@ -150,6 +150,19 @@ def test_no_curve_bends_further_than_the_library_flies():
     assert told == pytest.approx(0.3), "about what the file has"
 
 
+@pytest.mark.parametrize(("excess", "scale"), [(0.2, 0.3), (-0.69, -0.59), (-5.0, -0.9)])
+def test_what_recalibration_has_moved_already_counts_once(excess, scale):
+    """A mass of a third of the true one ended a diagnosis: *scale is -1.26; allowed is -0.9 to 9*."""
+    found = _unmeasured(SCALE, excess)
+    # the file has .1, and recalibration has moved it by -.5
+    moved = dataclasses.replace(
+        MODEL, effects={"thrust_scale": {"scale": -0.4}}, corrections={SCALE: -0.5}
+    )
+    held = dataclasses.replace(found, system=dataclasses.replace(found.system, model=moved))
+    told = held.explanations()["thrust_scale",]["thrust_scale"]["scale"]
+    assert told == pytest.approx(scale)
+
+
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     pose = Delay("attitude", 0.04, 0.002, 0.9)
     gyro = np.array([0.03, 0.0, -0.04]), np.array([0.001, 0.001, 0.002])

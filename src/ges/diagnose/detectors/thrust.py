@@ -124,9 +124,15 @@ class UnmeasuredThrust:
             effect, parameter = ParameterKey.of(CURVE)
             bend = within_bounds(effect, parameter, thrust / per_bend)
             return {"battery_sag": sags, "thrust_curve": {"c": bend}}
-        present = model.effects.get("thrust_scale", {}).get("scale", 0.0)
-        scale = present + thrust * ("thrust_scale" in names)
-        return {"battery_sag": sags, "thrust_scale": {"scale": scale}}
+        effect, parameter = ParameterKey.of(SCALE)
+        # the excess counts from the file, and what the model has holds a part of it already
+        present = model.effects.get(effect, {}).get(parameter, 0.0)
+        of_file = present - model.corrections.get(SCALE, 0.0)
+        scale = of_file + thrust if effect in names else present
+        return {
+            "battery_sag": sags,
+            effect: {parameter: within_bounds(effect, parameter, scale)},
+        }
 
 
 def _thrust_per_bend(model: Model) -> float:
