@@ -9,6 +9,7 @@ from ges.diagnose.design.feedback import near_ground_gain
 from ges.diagnose.design.system import build
 from ges.diagnose.estimate import fit
 from ges.diagnose.estimate.fit import free_parameters, polish
+from ges.diagnose.library.candidates import fit_bounds
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
 from ges.diagnose.select.evidence import make_regression, posterior
@@ -54,6 +55,16 @@ def test_an_amplitude_and_its_decay_are_found_from_far_away(c_a, decay, near_gro
         TRUE, rel=0.05
     )
     assert start["ground_effect"]["c_a"] == c_a
+
+
+def test_a_start_beyond_what_can_be_flown_is_moved_to_the_bound(near_ground):
+    """A mass of a tenth of the true one asks for a thrust scale of -.91, where -.9 is the least."""
+    model, flights = near_ground
+    start = {"thrust_scale": {"scale": -1.3}}
+    fitted = polish(build(flights, model, []), start, [("thrust_scale", "scale")])
+    assert fitted.effects["thrust_scale"]["scale"] > -0.5
+    place = dataclasses.replace(model, parameters={**model.parameters, "rotor_1_x_m": 30.0})
+    assert fit_bounds(("payload", "x_m"), place) == (-1.0, 1.0)
 
 
 def test_a_fit_allows_for_the_same_answers_as_the_search_before_it(near_ground):

@@ -152,7 +152,7 @@ def test_no_curve_bends_further_than_the_library_flies():
 
 @pytest.mark.parametrize(("excess", "scale"), [(0.2, 0.3), (-0.69, -0.59), (-5.0, -0.9)])
 def test_what_recalibration_has_moved_already_counts_once(excess, scale):
-    """A mass of a third of the true one ended a diagnosis: *scale is -1.26; allowed is -0.9 to 9*."""
+    """A mass of a third of the true one ended a diagnosis: *scale is -1.26*, and -.9 the least."""
     found = _unmeasured(SCALE, excess)
     # the file has .1, and recalibration has moved it by -.5
     moved = dataclasses.replace(

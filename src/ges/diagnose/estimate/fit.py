@@ -341,10 +341,7 @@ class _Point:
 
     def values_at(self, free_values: np.ndarray) -> effect_table.Effects:
         """Return the values with the free parameters at these numbers (k,)."""
-        values = {name: dict(v) for name, v in self.values.items()}
-        for (e, p), number in zip(self.free, free_values, strict=True):
-            values[e][p] = float(number)
-        return values
+        return _values_with(self.values, self.free, free_values)
 
     def sds_to(self, values: effect_table.Effects) -> float:
         """Return the largest distance of a free parameter to other values, in its sd."""
@@ -448,6 +445,16 @@ class _Rounds:
         return _linearise(values, self.free, regression, self.like.model), system
 
 
+def _values_with(
+    values: effect_table.Effects, free: Sequence[tuple[str, str]], numbers: np.ndarray
+) -> effect_table.Effects:
+    """Return values of effects with the free parameters at these numbers (k,)."""
+    changed = {name: dict(v) for name, v in values.items()}
+    for (e, p), number in zip(free, numbers, strict=True):
+        changed[e][p] = float(number)
+    return changed
+
+
 def polish(
     like: System,
     values: effect_table.Effects,
@@ -482,6 +489,8 @@ def polish(
     ends: list[tuple[_Point, System]] = []
     flown, taken, steps = like, 1.0, np.zeros(len(free))
     bounds = np.array([fit_bounds(name, model) for name in free]).T
+    # what a linear search or a balance asks for may be beyond what can be flown
+    values = _values_with(values, free, np.clip([values[e][p] for e, p in free], *bounds))
     for _ in range(settings.numerics.fit_rounds):
         # one noise and one feedback for all rounds: costs under several would not compare
         known = [first.regression] if first else [None, *([earlier.regression] if earlier else [])]

@@ -313,7 +313,8 @@ def fit_bounds(name: tuple[str, str], model: Model) -> tuple[float, float]:
     model : for the hull, which a place on the body does not leave.
     """
     p = effect_table.get(name[0]).parameter(name[1])
-    return (-model.hull_m, model.hull_m) if p.reach_over == HULL else (p.fit_low, p.fit_high)
+    reach = model.hull_m if p.reach_over == HULL else math.inf
+    return max(p.fit_low, -reach), min(p.fit_high, reach)
 
 
 def modifiers_of(variant: Variant) -> effect_table.Effects:
