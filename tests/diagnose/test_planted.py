@@ -288,6 +288,19 @@ def test_an_airframe_that_meets_the_climb_with_its_plan_is_no_inflow(flown, vehi
 
 
 @pytest.mark.slow
+def test_a_drag_of_each_axis_alone_takes_no_lift_and_no_gusts_with_it(flown, vehicle):
+    """MuJoCo's inertia box drags so: in a wind a lift of .98 stood beside drag and wind."""
+    acting = {
+        "parasitic_drag": {"area_m2": 0.1, "coupling": 0.0},
+        "wind": {"east_m_s": 4.0, "north_m_s": -2.0},
+    }
+    found = ges.diagnose(recordings_of(flown, vehicle, acting), vehicle, holdout=["flight5"])
+    assert {f.name for f in found.findings} == set(acting), found.sentence
+    (drag,) = [f for f in found.findings if f.name == "parasitic_drag"]
+    assert drag.parameters["coupling"].value < 0.2
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drag", [{"rotor_drag": {"k_kg": 2e-4}}, {"parasitic_drag": {"area_m2": 0.1}}], ids=list
 )

@@ -99,3 +99,19 @@ def test_downwash_of_the_27_gram_vehicle(above_m, beside_m, force_N):
     numbers = {f"rotor_{i}_radius_m": 0.0231348 for i in range(1, 5)}
     told = effects.evaluate("downwash", {"other_z_m": 1.0 + above_m}, samples, numbers)
     assert told.force_N[0] == pytest.approx([0.0, 0.0, -force_N], rel=1e-4)
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.4, 1.0])
+def test_a_drag_is_of_the_whole_speed_of_each_axis_alone_or_between(coupling):
+    v = np.array([3.0, -2.0, 1.5])
+    area_m2, ratio, rho = 0.03, 1.6, 1.225
+    drag = {"area_m2": area_m2, "vertical_ratio": ratio, "coupling": coupling}
+    columns = {f"v_{a}_m_s": np.full(2, x) for a, x in zip("xyz", v, strict=True)}
+    samples = effects.Samples.from_columns({"t_s": np.array([0.0, 0.01]), **columns})
+    with_it, without = (
+        effects.replay({"rho_kg_m3": rho}, samples, on).force_N[0]
+        for on in ({"parasitic_drag": drag}, {})
+    )
+    met = np.sqrt(v**2 + coupling * (v @ v - v**2))
+    expected = -0.5 * rho * area_m2 * np.array([1.0, 1.0, ratio]) * met * v
+    assert with_it - without == pytest.approx(expected, rel=1e-9)

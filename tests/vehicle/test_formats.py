@@ -260,6 +260,14 @@ def test_what_was_learned_goes_into_rotorpy(fitted, tmp_path):
     assert _same(_wrench(back), _wrench(vehicle))
 
 
+@pytest.mark.parametrize(("coupling", "said"), [(1.0, False), (0.3, True)])
+def test_rotorpy_is_told_of_a_drag_by_axis(coupling, said, fitted):
+    drag = {"parasitic_drag": {"area_m2": 0.02, "coupling": coupling}}
+    vehicle = Vehicle.model_validate({**fitted.model_dump(), "effects": drag})
+    export = formats.write_model(vehicle, "rotorpy")
+    assert any("coupling 0.3" in r for r in export.remarks) == said
+
+
 def test_ground_effect_goes_into_pybullet_with_equal_gain_at_one_radius(fitted):
     text = formats.write_model(fitted, "urdf").text
     gain = float(text.split('gnd_eff_coeff="')[1].split('"')[0])

@@ -395,11 +395,12 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
 
 
 def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) -> np.ndarray:
-    """Return regressors of one flight, (m, 2, 14 + 2 flights).
+    """Return regressors of one flight, (m, 2, 18 + 2 flights).
 
     They are a steady wind, its log-height profile, errors of the drag's form and a trim of each
     flight. A drag along an axis of the body goes with the air's speed there, times some function of
-    how fast it is in all: powers of a half and of one, of that axis alone, and of the climb.
+    how fast it is: powers of a half and of one across thrust, of one in all, of that axis alone,
+    and of the climb. The area that a flat body shows grows with the square of the climb's share.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
@@ -408,9 +409,11 @@ def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) 
     trims = np.zeros((len(at), 2, 2 * flights))
     trims[:, :, 2 * number : 2 * number + 2] = push
     speed = _air_speed(flight, model)[at]
-    sideways, climb = np.linalg.norm(speed[:, :2], axis=1, keepdims=True), speed[:, 2:]
+    sideways, whole = (np.linalg.norm(speed[:, :k], axis=1, keepdims=True) for k in (2, 3))
     of_form = [push * speed[:, None, :2]]
-    factors = (np.sqrt(sideways), sideways, np.abs(speed[:, :2]), climb)
+    climb = speed[:, 2:]
+    edgewise = climb**2 / np.maximum(whole, settings.numerics.tiny)
+    factors = (np.sqrt(sideways), sideways, whole, np.abs(speed[:, :2]), climb, edgewise)
     of_form += [of_form[0] * factor[:, None] for factor in factors]
     return np.concatenate([axes, forces.log_height[:, None, None] * axes, *of_form, trims], axis=2)
 

@@ -302,6 +302,12 @@ def write(vehicle: Vehicle) -> Export:
     remarks = [*p.remarks, *one_thrust(p, "RotorPy"), *without(p, _EXPRESSED, "RotorPy")]
     if abs(p.lag_up_s - p.lag_down_s) > 1e-6:
         remarks.append("RotorPy has one motor time constant: the mean of speeding up and down.")
+    coupling = p.effect("parasitic_drag", "coupling")
+    if p.effect("parasitic_drag", "area_m2") and coupling < 1.0:
+        remarks.append(
+            "RotorPy's drag of the airframe goes with the whole speed. Of this vehicle each axis"
+            f" has a part of its own (coupling {coupling:g})."
+        )
     # the reader's laws, solved for RotorPy's coefficients
     disc = math.pi * p.radius_m**2
     across = 0.5 * p.rho_kg_m3 * p.effect("parasitic_drag", "area_m2")
