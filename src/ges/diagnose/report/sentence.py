@@ -282,7 +282,8 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
     # what cannot be tested in these flights cannot be in others that are logged as they are
     reasons = (content["not_tested"].get(f["name"]) for f in rivals)
     if missing := next(filter(None, reasons), ""):
-        tells = f"{missing.removeprefix('needs ')} would tell"
+        needed, _, _ = missing.removeprefix("needs ").partition(";")
+        tells = f"{needed} would tell"
     # first to go is a third name, then the advised flight, then the sizes: the page has them all
     for most, sized, clause in (
         *((m, True, tells) for m in range(MOST_NAMES, 1, -1)),
