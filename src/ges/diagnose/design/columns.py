@@ -191,7 +191,7 @@ def nuisances(
 def _top_speed(model: Model, flights: Sequence[Prepared]) -> Nuisance:
     """Return the top speed, which a battery that nobody read moves in each flight."""
     (effect, parameter), sd = ParameterKey.of(SPEED), model.prior_sds.get(SPEED, 0.0)
-    flight_sd = 0.0
+    half = 0.0
     if not any(f.has("battery") for f in flights):
         of_thrust = max(
             p.prior.unlogged_voltage_sd
@@ -199,9 +199,9 @@ def _top_speed(model: Model, flights: Sequence[Prepared]) -> Nuisance:
             for p in e.parameters
             if p.prior and p.trim == "thrust"
         )
-        # a speed goes as the root of thrust
-        flight_sd = 0.5 * of_thrust * model.number(parameter)
-    return Nuisance(effect, parameter, step=sd or flight_sd, sd=sd, flight_sd=flight_sd)
+        # a speed goes as the root of thrust; by half of the variance flights of a day are alike
+        half = 0.5 * of_thrust * model.number(parameter) / math.sqrt(2.0)
+    return Nuisance(effect, parameter, sd or half, math.hypot(sd, half), half)
 
 
 def nuisance_with_prior(
