@@ -249,7 +249,7 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    for residuals in ("residuals_with", "_left_by_own_numbers"):
+    for residuals in ("residuals_with", "_left_by_batteries"):
         monkeypatch.setattr(rules, residuals, lambda of, model: [before * unit])
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [after * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * unit]})
@@ -272,7 +272,7 @@ def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, 
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
     recalibrated = MODEL.with_effects({"motor_lag": {"up_s": 0.01, "down_s": 0.01}})
-    for residuals in ("residuals_with", "_left_by_own_numbers"):
+    for residuals in ("residuals_with", "_left_by_batteries"):
         monkeypatch.setattr(
             rules,
             residuals,
@@ -292,7 +292,7 @@ def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, si
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least
     system = SimpleNamespace(main=channels, model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    for residuals in ("residuals_with", "_left_by_own_numbers"):
+    for residuals in ("residuals_with", "_left_by_batteries"):
         monkeypatch.setattr(
             rules,
             residuals,
@@ -310,7 +310,7 @@ def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, si
     assert decision.passed == passes, decision.because
 
 
-def test_what_each_flight_has_of_its_own_is_no_merit_of_a_name():
+def test_a_battery_s_level_in_each_flight_is_no_merit_of_a_name():
     """A level of each flight had made a delay nearer than recalibration without one."""
     u = MODEL.hover_rad_s / MODEL.number("max_rotor_speed_rad_s")
     flights = [hovering(**dict.fromkeys(command(4), u / share)) for share in (1.02, 0.98)]
@@ -319,7 +319,7 @@ def test_what_each_flight_has_of_its_own_is_no_merit_of_a_name():
     drives = [c for c, name in enumerate(system.main) if name.startswith("drive")]
     before, left = (
         np.abs(np.concatenate([y[:, drives] for y in residuals])).max()
-        for residuals in (residuals_with(system, MODEL), rules._left_by_own_numbers(fitted, MODEL))
+        for residuals in (residuals_with(system, MODEL), rules._left_by_batteries(fitted, MODEL))
     )
     assert before > 0.015 * MODEL.hover_rad_s and left < 0.1 * before
 

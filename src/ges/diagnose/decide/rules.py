@@ -41,7 +41,7 @@ from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 SIGNIFICANT, PRACTICAL = "significant_when_fitted", "practically_significant"
@@ -393,7 +393,7 @@ def practically_significant(
         share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), own)
         if not corrects:
             # recalibration may have moved this very number
-            without = _left_by_own_numbers(fitted, recalibrated.with_effect_of(name, nominal))
+            without = _left_by_batteries(fitted, recalibrated.with_effect_of(name, nominal))
             share[after >= rms_by_channel(without, system) / reference] = 0.0
         least = np.zeros(len(share)) if corrects else of_least
         margin = share - least
@@ -409,17 +409,23 @@ def practically_significant(
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
 
 
-def _left_by_own_numbers(fitted: Fitted, model: Model) -> list[np.ndarray]:
-    """Return residuals of another model, with what flights have of their own fitted to it.
+def _left_by_batteries(fitted: Fitted, model: Model) -> list[np.ndarray]:
+    """Return residuals of another model, with what drives have of their own fitted to it.
 
-    A trim or a battery's level of each flight is no merit of a name.
+    The level of each flight's battery is no merit of a name. Trims of each flight are not fitted:
+    a push that all flights share would be one.
     """
     regression = fitted.regression
     system = build(regression.system.recordings, model, [], regression.system)
     corrections, near = model.corrections, math.sqrt(settings.numerics.small)
     held = {key: (corrections.get(key, 0.0), near) for key in system.nuisances}
     white = whiten_system(system, regression.noise)
-    return raw_residuals(system, joint_fit(white, (), nuisance_priors=held))
+    left = raw_residuals(system, joint_fit(white, (), nuisance_priors=held))
+    of_drive = np.array([block_of(name) == "drive" for name in system.main])
+    return [
+        np.where(of_drive, own, rows.y[:, : len(of_drive)])
+        for own, rows in zip(left, system.flights, strict=True)
+    ]
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:
