@@ -95,6 +95,24 @@ def test_a_top_speed_is_told_as_a_share_of_it():
     assert [(f.name, f.probability) for f in found.findings()] == [("battery_sag", 0.5)]
 
 
+def test_what_a_battery_sags_by_is_a_part_of_the_level():
+    """In a flight without a drive it is nothing."""
+    load = "battery_sag.load_V"
+    columns = [nuisance(SPEED, 30.0), nuisance(load, 0.0, 0.5)]
+    acting = [{0: np.full(4, 0.8)}, {0: np.full(4, -30.0)}]
+    flights = [
+        dataclasses.replace(rows_of(np.zeros((4, 1)), of), flight=hovering())
+        for of in (acting, [{}, {}])
+    ]
+    model = dataclasses.replace(MODEL, prior_sds={SPEED: 0.0})
+    system = system_of(("drive_1",), columns, flights, model)
+    joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 10.0}, {SPEED: 1.0}, ({load: 2.0}, {}))
+    found = unmeasured_thrust(joint, system)
+    top = MODEL.number("max_rotor_speed_rad_s")
+    assert found.excess.value == pytest.approx((10.0 - 0.5 * 2.0 * 30.0 / 0.8) / top)
+    assert "which has no sd there" in found.sentence()
+
+
 @pytest.mark.parametrize(
     ("flight", "movable"),
     [

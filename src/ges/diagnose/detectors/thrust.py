@@ -178,7 +178,8 @@ def _speed_by_sag_and_bend(joint: JointFit, system: System) -> np.ndarray:
             axis=0
         )
         numbers = [joint.common.get(k, 0.0) + own.get(k, 0.0) for k in at]
-        added.append(float(np.dot(numbers, means)) / unit)
+        # a flight without commands or speeds has no drive
+        added.append(float(np.dot(numbers, means)) / unit if unit else 0.0)
     return np.array(added)
 
 
@@ -223,8 +224,8 @@ def unmeasured_thrust(
     mean_correction = {
         key: float(corrections.mean()) for key, corrections in corrections_by_key.items()
     }
-    # in sds of what was known: the number farthest off takes the difference upon itself
-    # a top speed without an sd is exact, but for what matters nowhere
+    # in sds of what was known: the number farthest off takes the difference upon itself. A top
+    # speed without an sd is exact, but for what matters nowhere
     least = 0.5 * settings.decide.least_thrust_share * model.reference_scale("drive")
     in_sds = {key: abs(mean_correction[key]) / (sd or least) for key, sd in prior_sds.items()}
     key = max(in_sds, key=lambda k: in_sds[k], default=None)
