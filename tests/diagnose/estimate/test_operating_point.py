@@ -25,7 +25,7 @@ def _fly_motors(top_rad_s, bend, noise_rad_s=1.0):
     """A flight whose speeds a drive of another top speed and bend has made of the commands."""
     t, rng = times(8.0), np.random.default_rng(0)
     u = {name: 0.55 + 0.35 * np.sin((0.8 + 0.2 * i) * t + i) for i, name in enumerate(COMMAND)}
-    flight = hovering(8.0, battery_V=16.0, **u)
+    flight = hovering(8.0, **u)
     other = MODEL.with_number("max_rotor_speed_rad_s", top_rad_s)
     (speeds,) = commanded_speeds([flight], other, {"thrust_curve": {"c": bend}} if bend else {})
     speeds = speeds + rng.normal(0.0, noise_rad_s, speeds.shape)
@@ -36,7 +36,7 @@ def _fly_motors(top_rad_s, bend, noise_rad_s=1.0):
 
 
 def _found(flight, speed_sd_rad_s=300.0, bend_sd=0.3):
-    late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s", "battery_sag.sensitivity")
+    late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     alike = tuple(f"slow_motor.loss_{i}" for i in range(1, 5))
     sds = {SPEED: speed_sd_rad_s, BEND: bend_sd, **dict.fromkeys((*late, *alike), 0.0)}
     declared = dataclasses.replace(MODEL, prior_sds=sds)
@@ -85,7 +85,7 @@ def test_quiet_sensors_tell_the_error_of_a_step_that_gains_nearly_all():
 
 def _drive_form_error(flight):
     """The same question to a vehicle whose curve may not bend as far as the flight's."""
-    late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s", "battery_sag.sensitivity")
+    late = ("motor_lag.up_s", "motor_lag.down_s", "esc_delay.delay_s")
     model = MODEL.with_effects({"thrust_curve": {"c": 0.95}})
     sds = {SPEED: 300.0, BEND: 0.3, **dict.fromkeys(late, 0.0)}
     return [flight], dataclasses.replace(model, prior_sds=sds)
@@ -98,7 +98,7 @@ def test_no_number_is_moved_beyond_the_bounds_of_the_library():
     t = times(8.0)
     u = {name: 0.55 + 0.35 * np.sin((0.8 + 0.2 * i) * t + i) for i, name in enumerate(COMMAND)}
     speeds = {n: 1000.0 * u[c] ** 0.4 for n, c in zip(ROTOR_SPEED, COMMAND, strict=True)}
-    flight = hovering(8.0, battery_V=16.0, **u)
+    flight = hovering(8.0, **u)
     kept = {n: v for n, v in flight.columns.items() if n[:2] not in ("p_", "v_", "q_", "om")}
     start = recalibrate(*_drive_form_error(flight.replace(columns={**kept, **speeds})))
     told = start.first.joint.common
