@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from ges.diagnose.library.requirements import REQUIREMENTS
 from ges.diagnose.report.sentence import MOST_WORDS, sentence_of, size_words
 from ges.simulator import effects as effect_table
 
@@ -124,6 +125,25 @@ def test_what_is_open_says_how_to_find_out(content):
         "One of weak rotor or attitude bias is missing and these flights cannot tell which; flying"
         " yaw turn would tell."
     )
+
+
+@pytest.mark.parametrize("message", [r.message for r in REQUIREMENTS.values()])
+def test_what_has_to_be_logged_is_said_without_why(content, message):
+    """A sentence read *a logged voltage; without it a battery cannot be told apart would tell*."""
+    content |= {
+        "verdict": "ambiguous",
+        "findings": [
+            _finding(content, n, open=True, size={}) for n in ("weak_rotor", "attitude_bias")
+        ],
+        "next_flight": {},
+        "not_tested": {"attitude_bias": message},
+    }
+    need = message.removeprefix("needs ").split(";")[0]
+    assert sentence_of(content) == (
+        "One of weak rotor or attitude bias is missing and these flights cannot tell which;"
+        f" {need} would tell."
+    )
+    assert ":" not in need
 
 
 def test_no_gain_is_said_too(content):

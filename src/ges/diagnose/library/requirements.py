@@ -26,7 +26,7 @@ class Requirement:
     Attributes
     ----------
     is_met : whether flights have it.
-    message : what to say where they have not.
+    message : what to say where they have not: ``needs ...``, then why, after a semicolon.
     """
 
     is_met: Callable[[Flights, Model], bool]
@@ -61,7 +61,7 @@ REQUIREMENTS: Mapping[str, Requirement] = {
     ),
     "smooth_ground": Requirement(
         lambda flights, model: not any(_flown_over_an_edge(f, model) for f in flights),
-        "needs ground without edges: the cone of a rangefinder rounds them off as a lag would",
+        "needs ground without edges; the cone of a rangefinder rounds them off as a lag would",
     ),
     "accelerometer": Requirement(
         lambda flights, model: any(n in f.columns for f in flights for n in SPECIFIC_FORCE),
@@ -96,7 +96,7 @@ REQUIREMENTS: Mapping[str, Requirement] = {
         lambda flights, model: any(
             f.has(stream) for f in flights for stream in ("rotor_speed", "reference", "excitation")
         ),
-        "needs rotor speeds or the controller's references: its answers to disturbances look like"
+        "needs rotor speeds or the controller's references; its answers to disturbances look like"
         " this effect",
     ),
 }
