@@ -105,7 +105,7 @@ typedef struct {
   F(flag, reciprocal)   /* acts as 1/(1 + x): linear within the sds */                                                  \
   F(timing, timing)                                                                                                     \
   F(flag, with_voltage) /* free where every flight logged the battery's voltage */                                      \
-  F(number, unlogged_voltage_sd) /* from flight to flight, where neither that nor rotor speeds were logged */
+  F(number, unlogged_voltage_sd) /* from flight to flight, where that was not logged, nor, but of a drive, rotor speeds */
 
 #define GES_EFFECT_PARAMETER(F)                                                                                         \
   F(text, name) F(text, unit) F(text, doc)                                                                              \

@@ -26,6 +26,6 @@ EFFECT(thrust_curve) = {
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_DYNAMIC,
-    .needs = "voltage_or_commands_alone",
+    .needs = "command",
     .drive = drive,
 };

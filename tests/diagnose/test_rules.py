@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ges.conventions import command
 from ges.diagnose.decide import explanation, rules
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.explanation import Explanation
@@ -21,9 +22,10 @@ from ges.diagnose.decide.rules import (
     rivals_nearly_as_good,
     significant,
 )
+from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.locate.regimes import least_rms_in
-from ges.diagnose.select.evidence import Posterior
+from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
@@ -247,7 +249,8 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    monkeypatch.setattr(rules, "residuals_with", lambda system, model: [before * unit])
+    for residuals in ("residuals_with", "_left_by_batteries"):
+        monkeypatch.setattr(rules, residuals, lambda of, model: [before * unit])
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [after * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * unit]})
     (decision,) = practically_significant(fitted, (name,), MODEL, MODEL).values()
@@ -269,11 +272,12 @@ def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, 
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
     recalibrated = MODEL.with_effects({"motor_lag": {"up_s": 0.01, "down_s": 0.01}})
-    monkeypatch.setattr(
-        rules,
-        "residuals_with",
-        lambda system, model: [(2.0 if "motor_lag" in model.effects else 20.0) * unit],
-    )
+    for residuals in ("residuals_with", "_left_by_batteries"):
+        monkeypatch.setattr(
+            rules,
+            residuals,
+            lambda of, model: [(2.0 if "motor_lag" in model.effects else 20.0) * unit],
+        )
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [2.1 * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [10.0 * unit]})
     (decision,) = practically_significant(fitted, (name,), MODEL, recalibrated).values()
@@ -288,11 +292,12 @@ def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, si
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least
     system = SimpleNamespace(main=channels, model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    monkeypatch.setattr(
-        rules,
-        "residuals_with",
-        lambda system, model: [unit * (3.0, 0.5 if model.mode == "recalibrated" else 30.0)],
-    )
+    for residuals in ("residuals_with", "_left_by_batteries"):
+        monkeypatch.setattr(
+            rules,
+            residuals,
+            lambda of, model: [unit * (3.0, 0.5 if model.mode == "recalibrated" else 30.0)],
+        )
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [unit * (0.5, 0.5)])
     monkeypatch.setattr(
         rules, "contributions", lambda *_: {"slung_load": [unit * (sideways, 30.0)]}
@@ -303,6 +308,20 @@ def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, si
     )
     (decision,) = practically_significant(fitted, ("slung_load",), nominal, recalibrated).values()
     assert decision.passed == passes, decision.because
+
+
+def test_a_battery_s_level_in_each_flight_is_no_merit_of_a_name():
+    """A level of each flight had made a delay nearer than recalibration without one."""
+    u = MODEL.hover_rad_s / MODEL.number("max_rotor_speed_rad_s")
+    flights = [hovering(**dict.fromkeys(command(4), u / share)) for share in (1.02, 0.98)]
+    system = build(flights, MODEL, [])
+    fitted = SimpleNamespace(regression=make_regression(system))
+    drives = [c for c, name in enumerate(system.main) if name.startswith("drive")]
+    before, left = (
+        np.abs(np.concatenate([y[:, drives] for y in residuals])).max()
+        for residuals in (residuals_with(system, MODEL), rules._left_by_batteries(fitted, MODEL))
+    )
+    assert before > 0.015 * MODEL.hover_rad_s and left < 0.1 * before
 
 
 def _balanced(monkeypatch, loss, mass, lost=("loss_3",), calibrated=True):

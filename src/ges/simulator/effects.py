@@ -49,7 +49,8 @@ class ParameterPrior:
     timing : ``delay`` or ``lag`` of the drive, to which the recording adds uncertainty; '' for
         neither.
     with_voltage : whether it is free where every flight logged the battery's voltage.
-    unlogged_voltage_sd : standard deviation between flights with neither voltage nor rotor speeds.
+    unlogged_voltage_sd : standard deviation between flights without voltage; where rotor speeds
+        were logged, of a drive alone.
     """
 
     shows_in: tuple[str, ...]

@@ -193,7 +193,8 @@ def test_channels_in_common_keep_the_order_of_the_fullest_log():
 
 
 def test_stated_sds_are_free_and_unstated_numbers_are_not():
-    names, flights = common_channels([hovering()], MODEL), [hovering()]
+    flights = [hovering(battery_V=16.0)]
+    names = common_channels(flights, MODEL)
     usual = {f"{n.effect}.{n.parameter}": n for n in nuisances(MODEL, names, flights)}
     assert "inertia.xx" not in usual and SPEED not in usual
     sure = dataclasses.replace(
@@ -204,6 +205,34 @@ def test_stated_sds_are_free_and_unstated_numbers_are_not():
     assert told["inertia.xx"].step == pytest.approx(settings.statistics.clear_sds * 0.1)
     assert told[SPEED].sd == told[SPEED].step == 20.0
     assert told["weak_rotor.loss_1"].sd == 0.0 and told["weak_rotor.loss_1"].flight_sd > 0.0
+
+
+def test_a_battery_that_nobody_read_has_a_level_and_a_sag_in_each_flight():
+    flights = [hovering()]
+    names = common_channels(flights, MODEL)
+    free = {n.key: n for n in nuisances(MODEL, names, flights)}
+    half = 0.5 * effect_table.get("thrust_scale").parameter("scale").prior.unlogged_voltage_sd
+    top = MODEL.number("max_rotor_speed_rad_s")
+    # by half of the variance flights of a day are alike
+    assert free[SPEED].sd == free[SPEED].flight_sd == pytest.approx(half * top / np.sqrt(2.0))
+    columns = build(flights, MODEL, []).flights[0].x
+    keys = {c.key: k for k, c in enumerate(build(flights, MODEL, []).columns)}
+    drives = [names.index(n) for n in names if n.startswith("drive")]
+    for key in ("battery_sag.load_V", "battery_sag.drop_V_s"):
+        sag = free[key]
+        assert sag.sd == 0.0 < sag.flight_sd and sag.given["battery_sag"]["sensitivity"] == 1.0
+    t_s = build(flights, MODEL, []).flights[0].windows.mean @ flights[0].t_s
+    volt = -top * flights[0].columns["u_1"][0] / MODEL.number("battery_nominal_V")
+    late = t_s > 1.0
+    for c in drives:
+        load, drop = (
+            columns.of(c, [keys[f"battery_sag.{p}"]])[:, 0] for p in ("load_V", "drop_V_s")
+        )
+        # a sagging battery is loaded less: an eighth here
+        np.testing.assert_allclose(load[late], volt, rtol=0.15)
+        np.testing.assert_allclose(drop[late] / load[late], t_s[late], rtol=0.15)
+    listed = nuisances(MODEL, names, [hovering(battery_V=16.0)])
+    assert not {"load_V", "drop_V_s"} & {n.parameter for n in listed if n.flight_sd or n.sd}
 
 
 def test_a_lever_is_doubted_by_a_share_of_the_arm():
@@ -238,9 +267,13 @@ def test_what_was_not_logged_frees_no_number_that_only_it_shows():
         names = common_channels([flight], MODEL)
         return {n.effect for n in nuisances(MODEL, names, [flight])}
 
+    def parameters(flight):
+        listed = nuisances(MODEL, common_channels([flight], MODEL), [flight])
+        return {n.parameter for n in listed if n.effect == "battery_sag"}
+
     assert "attitude_bias" in free(hovering()) and "attitude_bias" not in free(derived)
     assert "thrust_curve" in free(unmeasured), "it makes the speeds"
-    assert "battery_sag" in free(charged) and "battery_sag" not in free(hovering())
+    assert "sensitivity" in parameters(charged) and "sensitivity" not in parameters(hovering())
 
 
 def _delay_of_two_poles_s():

@@ -27,12 +27,12 @@ SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
 COMMANDED = hovering(**{f"rotor_speed_{i}_rad_s": None for i in range(1, 5)})
 
 
-def _system(flight=COMMANDED, sds=((SCALE, 0.05), (CURVE, 0.03))):
+def _system(flight=COMMANDED, sds=((SCALE, 0.05), (CURVE, 0.03)), channel="force_z"):
     columns = [nuisance(key, sd) for key, sd in sds]
     rows = rows_of(np.zeros((4, 1)), [{0: np.full(4, 5.0)} for _ in columns])
     rows = dataclasses.replace(rows, flight=flight)
     model = dataclasses.replace(MODEL, prior_sds={SCALE: 0.05})
-    return system_of(("force_z",), columns, [rows], model)
+    return system_of((channel,), columns, [rows], model)
 
 
 def _joint(**common):
@@ -79,26 +79,45 @@ def test_where_the_log_tells_the_cause_nothing_is_unmeasured():
     found = unmeasured_thrust(_joint(thrust_scale__scale=-0.3), _system(spinning))
     assert found is None, "with rotor speeds the scale is searched"
     bent = unmeasured_thrust(_joint(thrust_curve__c=0.3), _system(spinning))
-    assert bent.key == CURVE and bent.rivals == ("battery_sag", "thrust_curve")
-    form = settings.estimate.form_error * 0.3
-    low, high = bent.excess.ci95
-    assert 0.5 * (high - low) == pytest.approx(1.96 * np.hypot(0.01, form))
+    assert bent is None, "and so is the curve, which a battery does not bend"
 
 
 def test_a_top_speed_is_told_as_a_share_of_it():
-    system = _system(hovering(), ((SPEED, 30.0),))
+    system = _system(hovering(), ((SPEED, 30.0),), "drive_1")
     joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 200.0}, {SPEED: 10.0}, ({},))
     found = unmeasured_thrust(joint, system)
     assert found.excess.value == pytest.approx(0.2) and found.prior_sd == pytest.approx(0.03)
     assert "Rotor speeds at the same commands are 20 +- 2.0 % higher" in found.sentence()
-    assert "or another max_rotor_speed_rad_s would do it" in found.sentence()
+    assert "Another battery voltage (battery_sag) or another max_rotor_speed_rad_s would do it" in (
+        found.sentence()
+    )
+    assert found.rivals == ("battery_sag",)
+    assert [(f.name, f.probability) for f in found.findings()] == [("battery_sag", 0.5)]
+
+
+def test_what_a_battery_sags_by_is_a_part_of_the_level():
+    """In a flight without a drive it is nothing."""
+    load = "battery_sag.load_V"
+    columns = [nuisance(SPEED, 30.0), nuisance(load, 0.0, 0.5)]
+    acting = [{0: np.full(4, 0.8)}, {0: np.full(4, -30.0)}]
+    flights = [
+        dataclasses.replace(rows_of(np.zeros((4, 1)), of), flight=hovering())
+        for of in (acting, [{}, {}])
+    ]
+    model = dataclasses.replace(MODEL, prior_sds={SPEED: 0.0})
+    system = system_of(("drive_1",), columns, flights, model)
+    joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 10.0}, {SPEED: 1.0}, ({load: 2.0}, {}))
+    found = unmeasured_thrust(joint, system)
+    top = MODEL.number("max_rotor_speed_rad_s")
+    assert found.excess.value == pytest.approx((10.0 - 0.5 * 2.0 * 30.0 / 0.8) / top)
+    assert "which has no sd there" in found.sentence()
 
 
 @pytest.mark.parametrize(
     ("flight", "movable"),
     [
         (COMMANDED, {"battery_sag", "thrust_scale", "vehicle"}),
-        (hovering(), {"battery_sag", "thrust_curve", "vehicle"}),
+        (hovering(), {"battery_sag", "vehicle"}),
         (hovering(battery_V=16.0), set()),
     ],
 )
@@ -107,7 +126,7 @@ def test_what_a_voltage_can_move_is_no_number_of_the_file_that_is_wrong(flight, 
     assert movable_by_voltage(_system(flight)) == movable
 
 
-def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale")):
+def _unmeasured(key, value, rivals=("battery_sag", "thrust_scale")):
     return UnmeasuredThrust(
         _system(), key, FittedParameter(value, (value, value), "1"), 0.05, rivals
     )
@@ -115,34 +134,32 @@ def _unmeasured(key, value, rivals=("battery_sag", "thrust_curve", "thrust_scale
 
 def _over_weight(effects):
     """Thrust over weight that the commands of a hover make under some effects, in full drive."""
-    curve = {name: v for name, v in effects.items() if name == "thrust_curve"}
-    (speeds,) = commanded_speeds([COMMANDED], MODEL, curve)
+    (speeds,) = commanded_speeds([COMMANDED], MODEL, {})
     scale = effects.get("thrust_scale", {}).get("scale", 0.0)
     return (1.0 + scale) * float(np.mean((speeds[-1] / MODEL.hover_rad_s) ** 2))
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "thrust"),
-    [(SCALE, 0.2, 1.2), (SCALE, -0.15, 0.85), (CURVE, 0.3, None), (SPEED, 0.05, 1.1)],
-)
-def test_each_explanation_makes_the_same_thrust_in_a_hover(key, value, thrust):
-    """The compiled drive flies them; of a top speed, thrust goes with its square."""
-    sets = _unmeasured(key, value).explanations()
-    assert set(sets) == {("thrust_scale",), ("thrust_curve",), ("battery_sag", "thrust_scale")}
-    wanted = thrust or _over_weight({"thrust_curve": {"c": value}})
-    for effects in sets.values():
-        assert _over_weight(effects) == pytest.approx(wanted, abs=2e-3)
-    on = {names: effects["battery_sag"]["sensitivity"] for names, effects in sets.items()}
-    assert on["battery_sag", "thrust_scale"] == 1.0 and on["thrust_curve",] == 0.0
-
-
-def test_by_commands_alone_no_curve_is_an_explanation():
-    sets = _unmeasured(SCALE, 0.2, ("battery_sag", "thrust_scale")).explanations()
+@pytest.mark.parametrize(("value", "thrust"), [(0.2, 1.2), (-0.15, 0.85)])
+def test_each_explanation_makes_the_same_thrust_in_a_hover(value, thrust):
+    """The compiled drive flies them: in the middle of the flight a battery is another thrust."""
+    sets = _unmeasured(SCALE, value).explanations()
     assert set(sets) == {("thrust_scale",), ("battery_sag", "thrust_scale")}
+    for effects in sets.values():
+        assert _over_weight(effects) == pytest.approx(thrust, abs=2e-3)
+    on = {names: effects["battery_sag"]["sensitivity"] for names, effects in sets.items()}
+    assert on["battery_sag", "thrust_scale"] == 1.0 and on["thrust_scale",] == 0.0
 
 
-def test_no_curve_bends_further_than_the_library_flies():
-    assert _unmeasured(SCALE, 9.0).explanations()["thrust_curve",]["thrust_curve"]["c"] == 1.0
+def test_of_another_top_speed_a_battery_shows_by_its_sag_alone():
+    sets = _unmeasured(SPEED, 0.05, ("battery_sag",)).explanations()
+    assert {names: e["battery_sag"]["sensitivity"] for names, e in sets.items()} == {
+        (): 0.0,
+        ("battery_sag",): 1.0,
+    }
+    assert all(_over_weight(effects) == pytest.approx(1.0, abs=2e-3) for effects in sets.values())
+
+
+def test_the_excess_is_about_what_the_file_has():
     known = dataclasses.replace(MODEL, effects={"thrust_scale": {"scale": 0.1}})
     found = _unmeasured(SCALE, 0.2)
     held = dataclasses.replace(found, system=dataclasses.replace(found.system, model=known))

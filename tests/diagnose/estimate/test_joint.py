@@ -14,6 +14,7 @@ from ges.diagnose.estimate.joint import (
     only_in_air,
     raw_residuals,
     with_corrections,
+    with_shared_speed,
     within_bounds,
 )
 from ges.diagnose.select.evidence import make_regression, whiten_system
@@ -273,3 +274,22 @@ def test_no_vehicle_is_beyond_the_bounds_of_the_library():
     assert correction_bounds(SPEED, MODEL) == (-1000.0, math.inf)
     # no motor is faster than at once
     assert correction_bounds("motor_lag.up_s", MODEL) == pytest.approx((-0.02, 0.5))
+
+
+def test_what_drives_have_in_the_mean_goes_to_the_speed_that_flights_share():
+    """A sag counts by what it makes of the speed; a flight without a drive has no part in it."""
+    load = "battery_sag.load_V"
+    columns = [nuisance(SPEED, 30.0, 20.0), nuisance(load, 0.0, 0.5)]
+    acting = {0: np.full(4, 0.8)}, {0: np.array([-20.0, -40.0, -30.0, -30.0])}
+    flights = [rows_of(np.ones((4, 1)), of) for of in (acting, acting, ({}, {}))]
+    system = system_of(("drive_1",), columns, flights)
+    own = {SPEED: 6.0, load: 0.2}, {SPEED: 2.0, load: 0.4}, {SPEED: 0.0, load: 0.0}
+    joint = JointFit(*[np.zeros(0)] * 3, 0.0, {SPEED: 10.0}, {SPEED: 1.0}, own)
+    shared = with_shared_speed(joint, system)
+    # means of 6 - .2 30 / .8 and 2 - .4 30 / .8
+    assert shared.common[SPEED] == pytest.approx(10.0 - 7.25)
+    assert [values[SPEED] for values in shared.by_flight] == pytest.approx([13.25, 9.25, 7.25])
+    for before, after in zip(
+        raw_residuals(system, joint), raw_residuals(system, shared), strict=True
+    ):
+        assert after == pytest.approx(before)

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence, Set
 
 import numpy as np
 
 from ges.conventions import QUATERNION
 from ges.diagnose.design.columns import variant_of
-from ges.diagnose.design.system import System, residuals_with
+from ges.diagnose.design.system import System, build, residuals_with
 from ges.diagnose.detectors.balance import LOSSES, causes_of
 from ges.diagnose.detectors.gusts import wind_speed_m_s
 from ges.diagnose.estimate.contributions import (
@@ -24,7 +25,7 @@ from ges.diagnose.estimate.contributions import (
     size_of_contribution,
 )
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.estimate.joint import raw_residuals
+from ges.diagnose.estimate.joint import joint_fit, raw_residuals
 from ges.diagnose.library.candidates import (
     HULL,
     amplitude_of,
@@ -35,12 +36,12 @@ from ges.diagnose.library.candidates import (
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
 from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.select.alike import Alike, alike_of
-from ges.diagnose.select.evidence import Regression, contribution_of
+from ges.diagnose.select.evidence import Regression, contribution_of, whiten_system
 from ges.diagnose.select.scorer import Entry
 from ges.diagnose.select.search import Hypothesis, SearchResult, cause_count
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 from ges.simulator import effects as effect_table
 
 SIGNIFICANT, PRACTICAL = "significant_when_fitted", "practically_significant"
@@ -392,7 +393,7 @@ def practically_significant(
         share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), own)
         if not corrects:
             # recalibration may have moved this very number
-            without = residuals_with(system, recalibrated.with_effect_of(name, nominal))
+            without = _left_by_batteries(fitted, recalibrated.with_effect_of(name, nominal))
             share[after >= rms_by_channel(without, system) / reference] = 0.0
         least = np.zeros(len(share)) if corrects else of_least
         margin = share - least
@@ -406,6 +407,25 @@ def practically_significant(
         return Decision(PRACTICAL, passed, because, float(share[c]), float(least[c]))
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
+
+
+def _left_by_batteries(fitted: Fitted, model: Model) -> list[np.ndarray]:
+    """Return residuals of another model, with what drives have of their own fitted to it.
+
+    The level of each flight's battery is no merit of a name. Trims of each flight are not fitted:
+    a push that all flights share would be one.
+    """
+    regression = fitted.regression
+    system = build(regression.system.recordings, model, [], regression.system)
+    corrections, near = model.corrections, math.sqrt(settings.numerics.small)
+    held = {key: (corrections.get(key, 0.0), near) for key in system.nuisances}
+    white = whiten_system(system, regression.noise)
+    left = raw_residuals(system, joint_fit(white, (), nuisance_priors=held))
+    of_drive = np.array([block_of(name) == "drive" for name in system.main])
+    return [
+        np.where(of_drive, own, rows.y[:, : len(of_drive)])
+        for own, rows in zip(left, system.flights, strict=True)
+    ]
 
 
 def parameters_at_bounds(fitted: Fitted) -> list[tuple[str, str]]:

@@ -180,14 +180,30 @@ def nuisances(
     ]
     # the top speed is a number of the vehicle: no effect's descriptor has a prior for it
     if "drive" in present:
-        sd = model.prior_sds.get(SPEED, 0.0)
-        effect, parameter = ParameterKey.of(SPEED)
-        listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=0.0))
+        listed.append(_top_speed(model, flights))
     for key, sd in model.flight_sds.items():
         effect, parameter = ParameterKey.of(key)
         given = {} if has_prerequisite(effect, model.effects) else model.act_through
         listed.append(Nuisance(effect, parameter, step=sd, sd=sd, flight_sd=sd, given=given))
     return tuple(n for n in listed if n.sd > 0 or n.flight_sd > 0)
+
+
+def _top_speed(model: Model, flights: Sequence[Prepared]) -> Nuisance:
+    """Return the top speed, which a battery that nobody read moves in each flight."""
+    (effect, parameter), sd = ParameterKey.of(SPEED), model.prior_sds.get(SPEED, 0.0)
+    half = 0.0
+    if not any(f.has("battery") for f in flights):
+        of_thrust = max(
+            p.prior.unlogged_voltage_sd
+            for e in effect_table.table().values()
+            for p in e.parameters
+            if p.prior and p.trim == "thrust"
+        )
+        # a speed goes as the root of thrust; by half of the variance flights of a day are alike
+        half = 0.5 * of_thrust * model.number(parameter) / math.sqrt(2.0)
+    # counted from the model as it is, as every correction
+    mean = -model.corrections.get(SPEED, 0.0)
+    return Nuisance(effect, parameter, sd or half, math.hypot(sd, half), half, mean)
 
 
 def nuisance_with_prior(
@@ -212,12 +228,24 @@ def nuisance_with_prior(
     # counted from the model as it is: what was corrected already is not expected again
     mean = prior.mean - model.corrections.get(key, 0.0)
     flight_sd = unit * prior.flight_sd
-    # a battery that nobody read is full in one flight and empty in another, by half of the
-    # variance: flights of a day begin alike
-    if not any(f.has("battery") or f.has("rotor_speed") for f in flights):
-        half = prior.unlogged_voltage_sd / math.sqrt(2.0)
-        sd, flight_sd = math.hypot(sd, half), math.hypot(flight_sd, half)
-    return Nuisance(effect, parameter, step, sd, flight_sd, mean)
+    given = _usually_on(effect, parameter, model)
+    shown = ("battery",) if "drive" in prior.shows_in else ("battery", "rotor_speed")
+    if not any(f.has(stream) for f in flights for stream in shown):
+        # a battery that nobody read is full in one flight and empty in another, by half of the
+        # variance: flights of a day begin alike. How it sags is no number of the vehicle
+        common = 0.0 if given else prior.unlogged_voltage_sd / math.sqrt(2.0)
+        own = math.sqrt(prior.unlogged_voltage_sd**2 - common**2)
+        sd, flight_sd = math.hypot(sd, common), math.hypot(flight_sd, own)
+    return Nuisance(effect, parameter, step, sd, flight_sd, mean, given)
+
+
+def _usually_on(effect: str, parameter: str, model: Model) -> effect_table.Effects:
+    """Return the effect at its usual size, for a number that says how it acts where it is off."""
+    descriptor = effect_table.get(effect)
+    if parameter in descriptor.amplitudes or effect in model.effects:
+        return {}
+    usual = {name: descriptor.parameter(name).default for name in descriptor.amplitudes}
+    return {effect: {**descriptor.neutral(), **usual}}
 
 
 def _timing_sd_s(timing: str, model: Model, flights: Sequence[Prepared]) -> float:
@@ -290,7 +318,8 @@ def _reference(model: Model, column: DesignColumn) -> dict:
 def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     if column.nuisance is not None:
         n = column.nuisance
-        stepped, step = _step_parameter(model, n.effect, {}, n.parameter, n.step)
+        own = n.given.get(n.effect, {})
+        stepped, step = _step_parameter(model, n.effect, own, n.parameter, n.step)
         return {**n.given, **stepped}, step
     variant = variant_of(column)
     a = variant.amplitudes[column.amplitude]

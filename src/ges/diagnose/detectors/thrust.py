@@ -1,10 +1,9 @@
 """Thrust far from the vehicle file, in flights whose battery voltage was not logged.
 
 By commands alone two causes are possible: another mass or thrust coefficient, or another battery
-voltage. With rotor speeds they are another thrust curve, or another voltage, with another top speed
-of the motors. Without the voltage they are not searched (see ``requirements``). Nominal thrust, or
-the usual curve, absorbs the difference as far as its prior allows. Beyond that one of the causes is
-needed.
+voltage. With rotor speeds they are another top speed of the motors, or another voltage. Without the
+voltage they are not searched (see ``requirements``). Nominal thrust, or the top speed, absorbs the
+difference as far as its prior allows. Beyond that one of the causes is needed.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.estimate.joint import JointFit, within_bounds
+from ges.diagnose.estimate.joint import JointFit, mean_speeds, within_bounds
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
@@ -27,9 +26,10 @@ from ges.simulator import effects as effect_table
 
 SCALE, CURVE = "thrust_scale.scale", "thrust_curve.c"
 VOLTAGE = "battery_V"
+# effects that move rotor speeds at the same commands
+MAKE_LEVEL = ("battery_sag", ParameterKey.of(CURVE).effect)
 CAUSES = {
     "thrust_scale": "another mass or thrust coefficient",
-    "thrust_curve": "another thrust curve",
     "battery_sag": "another battery voltage",
 }
 
@@ -42,8 +42,8 @@ class UnmeasuredThrust:
     ----------
     system : of the flights.
     key : the number that absorbs it, ``effect.parameter``.
-    excess : thrust or top speed relative to the file less one, or the bend of the curve.
-    prior_sd : of the same quantity.
+    excess : thrust or top speed relative to the file less one.
+    prior_sd : of the same quantity; 0 where the file states it without one.
     rivals : names that these flights cannot separate.
     """
 
@@ -56,18 +56,21 @@ class UnmeasuredThrust:
     def sentence(self) -> str:
         """Return how far the thrust is off, what would explain it, and how to find out."""
         low, high = self.excess.ci95
-        share = 1.0 if self.key == CURVE else 100.0
-        value = number_words(share * abs(self.excess.value), 2)
-        half = number_words(share * 0.5 * (high - low), 2)
-        times = number_words(abs(self.excess.value) / self.prior_sd, 2)
+        value = number_words(100.0 * abs(self.excess.value), 2)
+        half = number_words(100.0 * 0.5 * (high - low), 2)
         causes_named = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
         *some, last = causes_named + (
             [f"another {SPEED.split('.')[1]}"] if self.key == SPEED else []
         )
         causes = f"{', '.join(some)} or {last}"
         kind_of_sd = "prior" if self.key in self.system.model.prior_sds else "usual"
+        known = (
+            f"{number_words(abs(self.excess.value) / self.prior_sd, 2)} times its {kind_of_sd} sd"
+            if self.prior_sd
+            else "which has no sd there"
+        )
         return (
-            f"{self._off(value, half)}, {times} times its {kind_of_sd} sd."
+            f"{self._off(value, half)}, {known}."
             f" {causes[0].upper()}{causes[1:]} would do it; where the voltage is logged ({VOLTAGE})"
             " they can be told apart."
         )
@@ -79,22 +82,18 @@ class UnmeasuredThrust:
                 f"Thrust is {value} +- {half} % {'more' if more else 'less'} than the vehicle file"
                 " says"
             )
-        if self.key == SPEED:
-            return (
-                f"Rotor speeds at the same commands are {value} +- {half} %"
-                f" {'higher' if more else 'lower'} than the vehicle file says"
-            )
         return (
-            f"Rotor speeds are not in proportion to the commands: {CURVE} would be"
-            f" {'' if more else '-'}{value} +- {half}"
+            f"Rotor speeds at the same commands are {value} +- {half} %"
+            f" {'higher' if more else 'lower'} than the vehicle file says"
         )
 
     def findings(self) -> list[Finding]:
-        """Return the rivals as findings, each equally probable."""
+        """Return the rivals as findings, all causes equally probable: the top speed is one, too."""
         effect, parameter = ParameterKey.of(self.key)
         estimates = {effect: {parameter: self.excess}}
+        causes = len(self.rivals) + (self.key == SPEED)
         return [
-            Finding.of(name, 1.0 / len(self.rivals), estimates.get(name, {}), is_open=True)
+            Finding.of(name, 1.0 / causes, estimates.get(name, {}), is_open=True)
             for name in self.rivals
         ]
 
@@ -103,13 +102,11 @@ class UnmeasuredThrust:
 
         Notes
         -----
-        The battery runs down in all of them, and its sag shows by how it grows. What it takes in
-        the middle of the flight is another thrust.
+        The battery runs down in one of them, and its sag shows by how it grows. What it takes in
+        the middle of the flight is another thrust, or another top speed.
         """
-        scale = ("thrust_scale",) if "thrust_scale" in self.rivals else ()
-        curve = ("thrust_curve",) if "thrust_curve" in self.rivals else ()
-        sets = (scale, curve, ("battery_sag", *scale))
-        return {names: self._effects_of(names) for names in sets if names}
+        scale = tuple(name for name in self.rivals if name == "thrust_scale")
+        return {names: self._effects_of(names) for names in (scale, ("battery_sag", *scale))}
 
     def _effects_of(self, names: Sequence[str]) -> effect_table.Effects:
         model = self.system.model
@@ -117,18 +114,11 @@ class UnmeasuredThrust:
             **effect_table.get("battery_sag").neutral(),
             "sensitivity": float("battery_sag" in names),
         }
-        # thrust goes with the square of the top speed
-        per_bend = _thrust_per_bend(model)
-        thrust = self.excess.value * {SCALE: 1.0, CURVE: per_bend, SPEED: 2.0}[self.key]
-        if "thrust_curve" in names:
-            effect, parameter = ParameterKey.of(CURVE)
-            bend = within_bounds(effect, parameter, thrust / per_bend)
-            return {"battery_sag": sags, "thrust_curve": {"c": bend}}
         effect, parameter = ParameterKey.of(SCALE)
         # the excess counts from the file, and what the model has holds a part of it already
         present = model.effects.get(effect, {}).get(parameter, 0.0)
         of_file = present - model.corrections.get(SCALE, 0.0)
-        scale = of_file + thrust if effect in names else present
+        scale = of_file + self.excess.value if effect in names else present
         return {
             "battery_sag": sags,
             effect: {parameter: within_bounds(effect, parameter, scale)},
@@ -196,7 +186,7 @@ def unmeasured_thrust(
         key: sd
         for key in system.nuisances
         if (ParameterKey.of(key).effect in rivals or rivals and key == SPEED)
-        and (sd := model.prior_sds.get(key, system.prior_sd(key)))
+        and ((sd := model.prior_sds.get(key, system.prior_sd(key))) or key == SPEED)
     }
     # a voltage of each flight's own is one of the causes: what they have in the mean counts, too
     corrections_by_key = {
@@ -207,22 +197,34 @@ def unmeasured_thrust(
     if SCALE in prior_sds:
         bent = _thrust_per_bend(model) * joint.common.get(CURVE, 0.0)
         corrections_by_key[SCALE] = corrections_by_key[SCALE] + bent
+    if SPEED in prior_sds:
+        # how batteries sagged is a number of each flight's own; a curve and another level may undo
+        # each other where the flights are
+        made = [k for k in system.nuisances if ParameterKey.of(k).effect in MAKE_LEVEL]
+        numbers = [
+            {k: joint.common.get(k, 0.0) + f.get(k, 0.0) for k in made} for f in joint.by_flight
+        ]
+        corrections_by_key[SPEED] = corrections_by_key[SPEED] + np.nan_to_num(
+            mean_speeds(system, numbers)
+        )
     mean_correction = {
         key: float(corrections.mean()) for key, corrections in corrections_by_key.items()
     }
-    # in sds of what was known: the number farthest off takes the difference upon itself
-    in_sds = {key: abs(mean_correction[key]) / sd for key, sd in prior_sds.items()}
+    # in sds of what was known: the number farthest off takes the difference upon itself. A top
+    # speed without an sd is exact, but for what matters nowhere
+    least = 0.5 * settings.decide.least_thrust_share * model.reference_scale("drive")
+    in_sds = {key: abs(mean_correction[key]) / (sd or least) for key, sd in prior_sds.items()}
     key = max(in_sds, key=lambda k: in_sds[k], default=None)
     if key is None or in_sds[key] < settings.statistics.certain_sds:
         return None
-    # a top speed as a share of the file's; a curve is wrong by its form as well
+    # a top speed as a share of the file's
     unit = model.number(ParameterKey.of(SPEED).parameter) if key == SPEED else 1.0
-    value, form = mean_correction[key] / unit, settings.estimate.form_error if key == CURVE else 0.0
+    value = mean_correction[key] / unit
     # of these flights, and not of those to come: what they share, or how far they are apart
     apart = (
         corrections_by_key[key].std(ddof=1) / math.sqrt(len(flights)) if len(flights) > 1 else 0.0
     )
-    sd = math.hypot((apart or joint.common_sd[key]) / unit, form * value)
+    sd = (apart or joint.common_sd[key]) / unit
     return UnmeasuredThrust(
         system,
         key,

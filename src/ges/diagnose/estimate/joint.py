@@ -30,7 +30,7 @@ from ges.diagnose.select.evidence import (
 )
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import SPEED, Model, block_of
 from ges.simulator import effects as effect_table
 from ges.threads import each
 
@@ -147,7 +147,8 @@ def joint_fit(
 
     Notes
     -----
-    Common nuisances stay within the bounds of the library's parameters.
+    Common nuisances stay within the bounds of the library's parameters. What flights' own numbers
+    make of the top speed is shared in the mean, see :func:`with_shared_speed`.
     """
     columns, chosen = regression.system.columns, np.asarray(chosen, dtype=int)
     freed = {columns[k].key for k in chosen}
@@ -213,7 +214,7 @@ def joint_fit(
         factor = np.maximum(1.0, sds[: sizes[0]] / np.sqrt(np.diag(row_covariance)))
         covariance = row_covariance * np.outer(factor, factor)
     flight_names = [nuisances[k].key for k in varies]
-    return JointFit(
+    joint = JointFit(
         beta[: sizes[0]],
         covariance,
         row_covariance,
@@ -223,6 +224,7 @@ def joint_fit(
         tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
         equations,
     )
+    return with_shared_speed(joint, regression.system)
 
 
 def _bounded_solution(
@@ -353,6 +355,49 @@ def within_bounds(effect: str, parameter: str, value: float) -> float:
     """
     p = effect_table.get(effect).parameter(parameter)
     return float(np.clip(value, p.low, p.high))
+
+
+def mean_speeds(system: System, numbers: Sequence[Mapping[str, float]]) -> np.ndarray:
+    """Return what numbers add to the top speed in the mean of each flight, (F,) rad/s.
+
+    Parameters
+    ----------
+    system : of the F flights.
+    numbers : corrections by flight and ``effect.parameter``.
+
+    Returns
+    -------
+    NaN for a flight without commands or speeds, which has no drive.
+    """
+    drives = [c for c, name in enumerate(system.main) if block_of(name) == "drive"]
+    speeds = []
+    for rows, own in zip(system.flights, numbers, strict=True):
+        wanted = [system.nuisances[key] for key in (SPEED, *own)]
+        unit, *means = rows.mean_columns(drives, wanted).mean(axis=0)
+        speeds.append(float(np.dot(means, list(own.values()))) / unit if unit else math.nan)
+    return np.array(speeds)
+
+
+def with_shared_speed(joint: JointFit, system: System) -> JointFit:
+    """Return the fit with what flights' own numbers make of the top speed, in their mean, shared.
+
+    Parameters
+    ----------
+    joint : the fit.
+    system : of the flights.
+
+    Notes
+    -----
+    Flights to come have no numbers of their own yet. Residuals stay the same.
+    """
+    if not any(SPEED in own for own in joint.by_flight):
+        return joint
+    shared = float(np.nanmean(mean_speeds(system, joint.by_flight)))
+    return dataclasses.replace(
+        joint,
+        common={**joint.common, SPEED: joint.common[SPEED] + shared},
+        by_flight=tuple({**own, SPEED: own[SPEED] - shared} for own in joint.by_flight),
+    )
 
 
 def null_fit(system: System) -> tuple[Regression, JointFit]:

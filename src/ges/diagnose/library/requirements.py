@@ -72,13 +72,6 @@ REQUIREMENTS: Mapping[str, Requirement] = {
         lambda flights, model: all(f.has("battery") or f.has("rotor_speed") for f in flights),
         VOLTAGE,
     ),
-    # where speeds show by themselves, a curve would take their level, which is the battery's, too
-    "voltage_or_commands_alone": Requirement(
-        lambda flights, model: all(
-            f.has("battery") or f.has("command") and not f.has("rotor_speed") for f in flights
-        ),
-        VOLTAGE,
-    ),
     "velocity": Requirement(
         _all_have("velocity"), "needs a logged velocity (all of v_x_m_s, v_y_m_s, v_z_m_s)"
     ),
