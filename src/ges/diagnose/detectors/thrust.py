@@ -15,7 +15,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.estimate.joint import JointFit, mean_speeds, within_bounds
+from ges.diagnose.estimate.joint import JointFit, speed_per_unit, within_bounds
+from ges.diagnose.estimate.recalibrate import least_speed_rad_s
 from ges.diagnose.library.requirements import unmet_requirement
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
@@ -201,19 +202,19 @@ def unmeasured_thrust(
         # how batteries sagged is a number of each flight's own; a curve and another level may undo
         # each other where the flights are
         made = [k for k in system.nuisances if ParameterKey.of(k).effect in MAKE_LEVEL]
-        numbers = [
-            {k: joint.common.get(k, 0.0) + f.get(k, 0.0) for k in made} for f in joint.by_flight
-        ]
-        corrections_by_key[SPEED] = corrections_by_key[SPEED] + np.nan_to_num(
-            mean_speeds(system, numbers)
-        )
+        per_unit = speed_per_unit(system, made)
+        numbers = [joint.common.get(k, 0.0) + f.get(k, 0.0) for f in joint.by_flight for k in made]
+        speeds = (per_unit * np.reshape(numbers, per_unit.shape)).sum(axis=1)
+        corrections_by_key[SPEED] = corrections_by_key[SPEED] + np.nan_to_num(speeds)
     mean_correction = {
         key: float(corrections.mean()) for key, corrections in corrections_by_key.items()
     }
     # in sds of what was known: the number farthest off takes the difference upon itself. A top
     # speed without an sd is exact, but for what matters nowhere
-    least = 0.5 * settings.decide.least_thrust_share * model.reference_scale("drive")
-    in_sds = {key: abs(mean_correction[key]) / (sd or least) for key, sd in prior_sds.items()}
+    in_sds = {
+        key: abs(mean_correction[key]) / (sd or least_speed_rad_s(model))
+        for key, sd in prior_sds.items()
+    }
     key = max(in_sds, key=lambda k: in_sds[k], default=None)
     if key is None or in_sds[key] < settings.statistics.certain_sds:
         return None

@@ -357,25 +357,23 @@ def within_bounds(effect: str, parameter: str, value: float) -> float:
     return float(np.clip(value, p.low, p.high))
 
 
-def mean_speeds(system: System, numbers: Sequence[Mapping[str, float]]) -> np.ndarray:
-    """Return what numbers add to the top speed in the mean of each flight, (F,) rad/s.
+def speed_per_unit(system: System, keys: Sequence[str]) -> np.ndarray:
+    """Return what each number adds to the top speed in the mean of each flight.
 
     Parameters
     ----------
     system : of the F flights.
-    numbers : corrections by flight and ``effect.parameter``.
+    keys : k nuisances, ``effect.parameter``.
 
     Returns
     -------
-    NaN for a flight without commands or speeds, which has no drive.
+    (F, k) rad/s over the unit of the parameter; NaN for a flight without commands or speeds, which
+    has no drive.
     """
     drives = [c for c, name in enumerate(system.main) if block_of(name) == "drive"]
-    speeds = []
-    for rows, own in zip(system.flights, numbers, strict=True):
-        wanted = [system.nuisances[key] for key in (SPEED, *own)]
-        unit, *means = rows.mean_columns(drives, wanted).mean(axis=0)
-        speeds.append(float(np.dot(means, list(own.values()))) / unit if unit else math.nan)
-    return np.array(speeds)
+    wanted = [system.nuisances[key] for key in (SPEED, *keys)]
+    means = np.array([r.mean_columns(drives, wanted).mean(axis=0) for r in system.flights])
+    return np.where(means[:, :1], means[:, 1:], np.nan) / np.where(means[:, :1], means[:, :1], 1.0)
 
 
 def with_shared_speed(joint: JointFit, system: System) -> JointFit:
@@ -390,9 +388,11 @@ def with_shared_speed(joint: JointFit, system: System) -> JointFit:
     -----
     Flights to come have no numbers of their own yet. Residuals stay the same.
     """
-    if not any(SPEED in own for own in joint.by_flight):
+    keys = tuple(joint.by_flight[0])
+    if SPEED not in keys:
         return joint
-    shared = float(np.nanmean(mean_speeds(system, joint.by_flight)))
+    numbers = np.array([[own[key] for key in keys] for own in joint.by_flight])
+    shared = float(np.nanmean((speed_per_unit(system, keys) * numbers).sum(axis=1)))
     return dataclasses.replace(
         joint,
         common={**joint.common, SPEED: joint.common[SPEED] + shared},

@@ -19,7 +19,13 @@ from ges.diagnose.design.noise import variance_covariate
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.whiten import whiten
-from ges.diagnose.estimate.joint import JointFit, correction_bounds, joint_fit, with_corrections
+from ges.diagnose.estimate.joint import (
+    JointFit,
+    correction_bounds,
+    joint_fit,
+    speed_per_unit,
+    with_corrections,
+)
 from ges.diagnose.library.candidates import fit_bounds
 from ges.diagnose.select.evidence import Regression, gram_of, whiten_system
 from ges.diagnose.settings import settings
@@ -45,8 +51,11 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     may_stop = corrections or not _stopped_at_bound(regression, joint)
     cost = _cost(regression, {})
     # a step may gain nearly all, and still end where quiet sensors tell the linearisation's error
-    error = abs(_cost(regression, _step(regression, joint)) - joint.cost)
-    if may_stop and error < settings.statistics.least_gain * joint.cost:
+    ahead, speed_rad_s = _cost_and_speed(regression, _step(regression, joint))
+    error = abs(ahead - joint.cost)
+    # nor may levels of each flight make up for the error of a step that all share
+    is_shared = abs(speed_rad_s) < least_speed_rad_s(nominal)
+    if may_stop and is_shared and error < settings.statistics.least_gain * joint.cost:
         return {}
     reach, whole, mostly_linear = math.inf, joint, False
     for _ in range(settings.numerics.fit_rounds):
@@ -54,7 +63,7 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
         if fit is None:
             break
         # only the first round can take the whole linear step
-        mostly_linear |= fit is whole
+        mostly_linear |= fit is whole and is_shared
         corrections = dict(fit.common)
         regression = _linearise(regression, nominal, corrections)
         joint = joint_fit(regression, ())
@@ -190,16 +199,32 @@ def _gains_as_predicted(
     return cost - _cost(regression, step) >= settings.numerics.gain_ratio_least * predicted
 
 
+def least_speed_rad_s(model: Model) -> float:
+    """Return the rotor speed to which no model is right, half of a thrust's share.
+
+    Parameters
+    ----------
+    model : of the vehicle.
+    """
+    return 0.5 * settings.decide.least_thrust_share * model.reference_scale("drive")
+
+
 def _cost(regression: Regression, step: Mapping[str, float]) -> float:
     """Return -2 log posterior, but for a constant, of the model flown a step away.
 
-    Numbers that differ between flights are at their optimum.
+    Numbers that differ between flights are at their optimum. What they add to the top speed in the
+    mean is none, but for what matters nowhere: that is no flight's own.
 
     Parameters
     ----------
     regression : linearised at the present corrections.
     step : by ``effect.parameter``, from the present corrections.
     """
+    return _cost_and_speed(regression, step)[0]
+
+
+def _cost_and_speed(regression: Regression, step: Mapping[str, float]) -> tuple[float, float]:
+    """Return the cost, and what flights' own numbers add to the top speed in the mean, rad/s."""
     system = regression.system
     nuisances = {int(k): nuisance_of(system.columns[k]) for k in regression.nuisance}
     # what differs between flights is small: its columns stay as they were linearised
@@ -217,8 +242,18 @@ def _cost(regression: Regression, step: Mapping[str, float]) -> float:
     cost = sum(
         ((step.get(n.key, 0.0) - n.mean) / n.sd) ** 2 for n in nuisances.values() if n.sd > 0
     )
-    for white in whiten(rows, regression.noise, variance_covariate(system.flights)):
+    keys = [nuisances[k].key for k in varying]
+    per_unit = speed_per_unit(system, keys) if SPEED in keys else np.zeros((len(rows), len(keys)))
+    has_drive = np.isfinite(per_unit).all(axis=1)
+    per_unit = np.nan_to_num(per_unit) / max(1, has_drive.sum())
+    speed_rad_s, variance = 0.0, least_speed_rad_s(system.model) ** 2
+    whites = whiten(rows, regression.noise, variance_covariate(system.flights))
+    for white, per_number in zip(whites, per_unit, strict=True):
         gram = gram_of(white)
-        own = np.linalg.solve(gram.xx + np.diag(precision), gram.xy)
+        known = np.column_stack([gram.xy, per_number])
+        own, per_speed = np.linalg.solve(gram.xx + np.diag(precision), known).T
         cost += gram.yy - float(gram.xy @ own)
-    return float(cost)
+        speed_rad_s += float(per_number @ own)
+        variance += float(per_number @ per_speed)
+    # the least cost of own numbers whose mean has that sd, by Sherman and Morrison
+    return float(cost) + speed_rad_s**2 / variance, speed_rad_s
