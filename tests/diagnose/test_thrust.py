@@ -75,11 +75,23 @@ def test_by_commands_alone_a_bent_curve_is_named(flown, sheet):
 @pytest.mark.slow
 def test_with_rotor_speeds_a_battery_is_no_curve(flown, sheet):
     """Another top speed may make the level of the speeds; a curve would not move them together."""
-    found = _diagnosed(flown, sheet(), SAG, ("battery",))
+    deep = {"battery_sag": {**SAG["battery_sag"], "sensitivity": 1.0, "load_V": 2.0}}
+    found = _diagnosed(flown, sheet(), deep, ("battery",))
     assert {f.name for f in found.findings if f.is_open} == {"battery_sag"}
     assert not [f.name for f in found.findings if not f.is_open]
     assert found.verdict == "ambiguous" and "logged (battery_V)" in found.remark
     assert "battery_V" in found.next_flight["preparation"]
+
+
+@pytest.mark.slow
+def test_what_a_battery_usually_takes_is_the_speed_of_flights_to_come(flown, sheet):
+    """9 % of the top speed, 2.6 times what flights without a voltage usually differ by."""
+    found = _diagnosed(flown, sheet(), SAG, ("battery",))
+    assert found.verdict == "nothing_proven" and not found.findings
+    taken = found.calibration["vehicle.max_rotor_speed_rad_s"]
+    assert -4.0 < taken["value"] / taken["prior_sd"] < -2.0
+    unseen = [v for name, v in found.fit["channels"].items() if name.startswith("drive")]
+    assert all(v["after"] < 0.3 * v["before"] for v in unseen)
 
 
 @pytest.mark.slow
