@@ -258,18 +258,15 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
 
 
 @pytest.mark.parametrize(
-    ("name", "channel", "alone", "passes"),
+    ("name", "channel", "passes"),
     [
-        ("esc_delay", "drive_1", 2.0, False),
-        # nearer by what matters: the square root of 2.1^2 + 1 is 2.33
-        ("esc_delay", "drive_1", 2.3, False),
-        ("esc_delay", "drive_1", 2.4, True),
+        ("esc_delay", "drive_1", False),
         # recalibration moved the very number
-        ("motor_lag", "drive_1", 2.0, True),
-        ("torque_coefficient", "moment_z", 2.0, True),
+        ("motor_lag", "drive_1", True),
+        ("torque_coefficient", "moment_z", True),
     ],
 )
-def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, alone, passes):
+def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, passes):
     """A delay of 33 ms and a lag of -25 ms undid each other, where the lag alone was as good."""
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
     system = SimpleNamespace(main=(channel,), model=MODEL)
@@ -279,7 +276,7 @@ def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, 
         monkeypatch.setattr(
             rules,
             residuals,
-            lambda of, model: [(alone if "motor_lag" in model.effects else 20.0) * unit],
+            lambda of, model: [(2.0 if "motor_lag" in model.effects else 20.0) * unit],
         )
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [2.1 * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [10.0 * unit]})

@@ -374,9 +374,9 @@ def practically_significant(
 
     Notes
     -----
-    Some channel must be nearer by what matters than with the file, as given and recalibrated. A
-    number of the file may be wrong by less, but flights have to agree better. Numbers that undo
-    each other change nothing, and a delay that a lag undoes does no more than recalibration alone.
+    Some channel must be nearer by what matters. A number of the file may be wrong by less, but
+    flights have to agree better. Numbers that undo each other change nothing, and a delay that a
+    lag undoes does no more than recalibration alone.
     """
     system = fitted.regression.system
     reference = np.array([system.model.reference_scale(c) for c in system.main])
@@ -387,13 +387,14 @@ def practically_significant(
     )
 
     def decision(name: str, made: Sequence[np.ndarray]) -> Decision:
-        corrects = effect_table.get(name).about == "parameter"
+        corrects, gain = effect_table.get(name).about == "parameter", as_given**2 - after**2
         # of what flights are nearer by no more is the name's than what it makes
-        share = np.minimum(_nearer(as_given, after), rms_by_channel(made, system) / reference)
+        own = rms_by_channel(made, system) / reference
+        share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), own)
         if not corrects:
             # recalibration may have moved this very number
             without = _left_by_batteries(fitted, recalibrated.with_effect_of(name, nominal))
-            share = np.minimum(share, _nearer(rms_by_channel(without, system) / reference, after))
+            share[after >= rms_by_channel(without, system) / reference] = 0.0
         least = np.zeros(len(share)) if corrects else of_least
         margin = share - least
         # force and accelerometer show one push alike but for rounding; the first is named
@@ -406,12 +407,6 @@ def practically_significant(
         return Decision(PRACTICAL, passed, because, float(share[c]), float(least[c]))
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
-
-
-def _nearer(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return the rms that has gone; below zero where there is more."""
-    gain = before**2 - after**2
-    return np.copysign(np.sqrt(np.abs(gain)), gain)
 
 
 def _left_by_batteries(fitted: Fitted, model: Model) -> list[np.ndarray]:
