@@ -24,7 +24,7 @@ from ges.diagnose.decide.rules import (
 )
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.fit import Fitted
-from ges.diagnose.locate.regimes import least_rms_in
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.select.evidence import Posterior, make_regression
 from ges.diagnose.select.search import Hypothesis, SearchResult, log_rarity
 from ges.diagnose.settings import settings
@@ -249,7 +249,7 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    for residuals in ("residuals_with", "_left_by_batteries"):
+    for residuals in ("residuals_with", "_residuals_with_batteries"):
         monkeypatch.setattr(rules, residuals, lambda of, model: [before * unit])
     monkeypatch.setattr(rules, "raw_residuals", lambda system, joint: [after * unit])
     monkeypatch.setattr(rules, "contributions", lambda *_: {name: [made * unit]})
@@ -272,7 +272,7 @@ def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, 
     system = SimpleNamespace(main=(channel,), model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
     recalibrated = MODEL.with_effects({"motor_lag": {"up_s": 0.01, "down_s": 0.01}})
-    for residuals in ("residuals_with", "_left_by_batteries"):
+    for residuals in ("residuals_with", "_residuals_with_batteries"):
         monkeypatch.setattr(
             rules,
             residuals,
@@ -292,7 +292,7 @@ def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, si
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least
     system = SimpleNamespace(main=channels, model=MODEL)
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
-    for residuals in ("residuals_with", "_left_by_batteries"):
+    for residuals in ("residuals_with", "_residuals_with_batteries"):
         monkeypatch.setattr(
             rules,
             residuals,
@@ -319,7 +319,10 @@ def test_a_battery_s_level_in_each_flight_is_no_merit_of_a_name():
     drives = [c for c, name in enumerate(system.main) if name.startswith("drive")]
     before, left = (
         np.abs(np.concatenate([y[:, drives] for y in residuals])).max()
-        for residuals in (residuals_with(system, MODEL), rules._left_by_batteries(fitted, MODEL))
+        for residuals in (
+            residuals_with(system, MODEL),
+            rules._residuals_with_batteries(fitted, MODEL),
+        )
     )
     assert before > 0.015 * MODEL.hover_rad_s and left < 0.1 * before
 

@@ -23,9 +23,9 @@ from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, loa
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions
 from ges.diagnose.estimate.fit import fitted_model
-from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.settings import settings
 from ges.diagnose.types.decision import Decision, DecisionLog
 from ges.diagnose.types.model import Model

@@ -26,9 +26,9 @@ from ges.diagnose.locate.laws import (
     sparse_form,
     term_columns,
 )
-from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.locate.stages import Start
 from ges.diagnose.locate.structure import Structure
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.select.evidence import make_regression, whiten_system
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of

@@ -34,7 +34,7 @@ from ges.diagnose.library.candidates import (
     has_prerequisite,
 )
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
-from ges.diagnose.locate.regimes import least_rms_in
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression, contribution_of, whiten_system
 from ges.diagnose.select.scorer import Entry
@@ -393,7 +393,7 @@ def practically_significant(
         share = np.minimum(np.copysign(np.sqrt(np.abs(gain)), gain), own)
         if not corrects:
             # recalibration may have moved this very number
-            without = _left_by_batteries(fitted, recalibrated.with_effect_of(name, nominal))
+            without = _residuals_with_batteries(fitted, recalibrated.with_effect_of(name, nominal))
             share[after >= rms_by_channel(without, system) / reference] = 0.0
         least = np.zeros(len(share)) if corrects else of_least
         margin = share - least
@@ -409,7 +409,7 @@ def practically_significant(
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
 
 
-def _left_by_batteries(fitted: Fitted, model: Model) -> list[np.ndarray]:
+def _residuals_with_batteries(fitted: Fitted, model: Model) -> list[np.ndarray]:
     """Return residuals of another model, with what drives have of their own fitted to it.
 
     The level of each flight's battery is no merit of a name. Trims of each flight are not fitted:
@@ -418,13 +418,13 @@ def _left_by_batteries(fitted: Fitted, model: Model) -> list[np.ndarray]:
     regression = fitted.regression
     system = build(regression.system.recordings, model, [], regression.system)
     corrections, near = model.corrections, math.sqrt(settings.numerics.small)
-    held = {key: (corrections.get(key, 0.0), near) for key in system.nuisances}
+    priors = {key: (corrections.get(key, 0.0), near) for key in system.nuisances}
     white = whiten_system(system, regression.noise)
-    left = raw_residuals(system, joint_fit(white, (), nuisance_priors=held))
+    residuals = raw_residuals(system, joint_fit(white, (), nuisance_priors=priors))
     of_drive = np.array([block_of(name) == "drive" for name in system.main])
     return [
         np.where(of_drive, own, rows.y[:, : len(of_drive)])
-        for own, rows in zip(left, system.flights, strict=True)
+        for own, rows in zip(residuals, system.flights, strict=True)
     ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ges.diagnose.design.system import System
-from ges.diagnose.locate.regimes import least_rms_in
+from ges.diagnose.prepare.channels import least_rms_in
 
 
 def least_sizes(system: System) -> np.ndarray:

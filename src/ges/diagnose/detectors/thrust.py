@@ -16,8 +16,8 @@ import numpy as np
 
 from ges.diagnose.design.system import System
 from ges.diagnose.estimate.joint import JointFit, speed_per_unit, within_bounds
-from ges.diagnose.estimate.recalibrate import least_speed_rad_s
 from ges.diagnose.library.requirements import unmet_requirement
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
 from ges.diagnose.types.keys import ParameterKey
@@ -211,10 +211,8 @@ def unmeasured_thrust(
     }
     # in sds of what was known: the number farthest off takes the difference upon itself. A top
     # speed without an sd is exact, but for what matters nowhere
-    in_sds = {
-        key: abs(mean_correction[key]) / (sd or least_speed_rad_s(model))
-        for key, sd in prior_sds.items()
-    }
+    least = least_rms_in("drive", model)
+    in_sds = {key: abs(mean_correction[key]) / (sd or least) for key, sd in prior_sds.items()}
     key = max(in_sds, key=lambda k: in_sds[k], default=None)
     if key is None or in_sds[key] < settings.statistics.certain_sds:
         return None

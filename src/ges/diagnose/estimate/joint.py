@@ -373,7 +373,8 @@ def speed_per_unit(system: System, keys: Sequence[str]) -> np.ndarray:
     drives = [c for c, name in enumerate(system.main) if block_of(name) == "drive"]
     wanted = [system.nuisances[key] for key in (SPEED, *keys)]
     means = np.array([r.mean_columns(drives, wanted).mean(axis=0) for r in system.flights])
-    return np.where(means[:, :1], means[:, 1:], np.nan) / np.where(means[:, :1], means[:, :1], 1.0)
+    unit, others = means[:, :1], means[:, 1:]
+    return np.divide(others, unit, out=np.full_like(others, np.nan), where=unit != 0.0)
 
 
 def with_shared_speed(joint: JointFit, system: System) -> JointFit:

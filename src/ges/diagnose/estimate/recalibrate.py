@@ -27,6 +27,7 @@ from ges.diagnose.estimate.joint import (
     with_corrections,
 )
 from ges.diagnose.library.candidates import fit_bounds
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.select.evidence import Regression, gram_of, whiten_system
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
@@ -54,7 +55,7 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     ahead, speed_rad_s = _cost_and_speed(regression, _step(regression, joint))
     error = abs(ahead - joint.cost)
     # nor may levels of each flight make up for the error of a step that all share
-    is_shared = abs(speed_rad_s) < least_speed_rad_s(nominal)
+    is_shared = abs(speed_rad_s) < least_rms_in("drive", nominal)
     if may_stop and is_shared and error < settings.statistics.least_gain * joint.cost:
         return {}
     reach, whole, mostly_linear = math.inf, joint, False
@@ -199,16 +200,6 @@ def _gains_as_predicted(
     return cost - _cost(regression, step) >= settings.numerics.gain_ratio_least * predicted
 
 
-def least_speed_rad_s(model: Model) -> float:
-    """Return the rotor speed to which no model is right, half of a thrust's share.
-
-    Parameters
-    ----------
-    model : of the vehicle.
-    """
-    return 0.5 * settings.decide.least_thrust_share * model.reference_scale("drive")
-
-
 def _cost(regression: Regression, step: Mapping[str, float]) -> float:
     """Return -2 log posterior, but for a constant, of the model flown a step away.
 
@@ -246,7 +237,7 @@ def _cost_and_speed(regression: Regression, step: Mapping[str, float]) -> tuple[
     per_unit = speed_per_unit(system, keys) if SPEED in keys else np.zeros((len(rows), len(keys)))
     has_drive = np.isfinite(per_unit).all(axis=1)
     per_unit = np.nan_to_num(per_unit) / max(1, has_drive.sum())
-    speed_rad_s, variance = 0.0, least_speed_rad_s(system.model) ** 2
+    speed_rad_s, variance = 0.0, least_rms_in("drive", system.model) ** 2
     whites = whiten(rows, regression.noise, variance_covariate(system.flights))
     for white, per_number in zip(whites, per_unit, strict=True):
         gram = gram_of(white)

@@ -14,11 +14,12 @@ from ges.diagnose.design.system import System, with_columns
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import contribution_of
 from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.types.model import Model
 
 PUSHING = ("force", "acc", "moment")
 """Kinds of channels in which the size of what is left may be reported."""
@@ -117,45 +118,6 @@ def bin_edges(values: np.ndarray) -> np.ndarray:
     (b,) quantiles, in the unit of the values.
     """
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, settings.report.bins + 1)))
-
-
-def least_rms(block: str, whole: float) -> float:
-    """Return the practical significance threshold of a block of channels.
-
-    Parameters
-    ----------
-    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``.
-    whole : reference scale of the block, in the unit of its channels.
-
-    Returns
-    -------
-    Rms below which no model is right; infinite for other blocks.
-
-    Notes
-    -----
-    No thrust is right to less than a share: of all rotors in a force, of one of four in a moment.
-    Thrust goes as the square of a speed, which is right to half of that share.
-    """
-    least = settings.decide.least_thrust_share
-    if block == "range":
-        return settings.prepare.height_error_m
-    shares = {"force": least, "acc": least, "moment": 0.25 * least, "drive": 0.5 * least}
-    return shares.get(block, np.inf) * whole
-
-
-def least_rms_in(channel: str, model: Model) -> float:
-    """Return the practical significance threshold of a channel.
-
-    Parameters
-    ----------
-    channel : ``force_x``.
-    model : for the reference scale.
-
-    Returns
-    -------
-    Rms in the channel's unit, of :func:`least_rms`.
-    """
-    return least_rms(block_of(channel), model.reference_scale(channel))
 
 
 def clear_structures(

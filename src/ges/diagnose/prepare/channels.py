@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from ges.conventions import SPECIFIC_FORCE, rotor_columns
 from ges.diagnose.prepare.align import Prepared
+from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model, block_of
 
 FORCE = ("force_x", "force_y", "force_z")
@@ -67,3 +70,42 @@ def channels(flight: Prepared, model: Model) -> tuple[str, ...]:
     if flight.has("range") and "p_z_m" in flight.columns and attitude:
         names.append("range")
     return tuple(names)
+
+
+def least_rms(block: str, whole: float) -> float:
+    """Return the practical significance threshold of a block of channels.
+
+    Parameters
+    ----------
+    block : ``force``, ``acc``, ``moment``, ``drive`` or ``range``.
+    whole : reference scale of the block, in the unit of its channels.
+
+    Returns
+    -------
+    Rms below which no model is right; infinite for other blocks.
+
+    Notes
+    -----
+    No thrust is right to less than a share: of all rotors in a force, of one of four in a moment.
+    Thrust goes as the square of a speed, which is right to half of that share.
+    """
+    least = settings.decide.least_thrust_share
+    if block == "range":
+        return settings.prepare.height_error_m
+    shares = {"force": least, "acc": least, "moment": 0.25 * least, "drive": 0.5 * least}
+    return shares.get(block, math.inf) * whole
+
+
+def least_rms_in(channel: str, model: Model) -> float:
+    """Return the practical significance threshold of a channel.
+
+    Parameters
+    ----------
+    channel : ``force_x``.
+    model : for the reference scale.
+
+    Returns
+    -------
+    Rms in the channel's unit, of :func:`least_rms`.
+    """
+    return least_rms(block_of(channel), model.reference_scale(channel))

@@ -11,9 +11,8 @@ from ges.conventions import POSITION, QUANTILES_95, VELOCITY
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
-from ges.diagnose.locate.regimes import least_rms_in
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.channels import channels, unit_of
+from ges.diagnose.prepare.channels import channels, least_rms_in, unit_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.diagnose.types.words import stage_words

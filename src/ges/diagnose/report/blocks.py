@@ -9,7 +9,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ges.diagnose.locate.regimes import least_rms
+from ges.diagnose.prepare.channels import least_rms
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
