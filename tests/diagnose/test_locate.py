@@ -55,6 +55,11 @@ def _blocks():
     return [np.arange(WINDOWS) // BLOCK + 1000 * f for f in range(FLIGHTS)]
 
 
+def _structures(residuals, told, names, blocks):
+    """Structures where rows resolve everything."""
+    return structures(residuals, told, names, blocks, [np.zeros_like(r) for r in residuals])
+
+
 def _clear(found, chance=0.01):
     return {(s.channel, *s.regime): s for s in found if s.q_value <= chance and not s.of_size}
 
@@ -67,7 +72,7 @@ def test_a_force_that_follows_a_speed_is_found_there_and_not_elsewhere():
     told, residuals = _flights(), _noise(np.random.default_rng(1))
     for r, t in zip(residuals, told, strict=True):
         r[:, 0] -= 0.04 * t["forward_m_s"]
-    found = _clear(structures(residuals, told, NAMES, _blocks()))
+    found = _clear(_structures(residuals, told, NAMES, _blocks()))
     best = max(found.values(), key=lambda s: s.r2)
     assert (best.channel, best.regime) == ("force_x", ("forward_m_s",)) and best.r2 > 0.3
     assert {key[0] for key in found} == {"force_x"}
@@ -81,7 +86,7 @@ def test_coloured_noise_has_structure_no_oftener_than_it_should():
     alarms = sum(
         bool(
             _clear(
-                structures(_noise(np.random.default_rng(k)), _flights(k), NAMES, _blocks()), 0.05
+                _structures(_noise(np.random.default_rng(k)), _flights(k), NAMES, _blocks()), 0.05
             )
         )
         for k in range(40)
@@ -96,7 +101,7 @@ def test_a_strong_structure_does_not_hide_itself():
     told, residuals = _flights(), _noise(np.random.default_rng(2))
     for r, t in zip(residuals, told, strict=True):
         r[:, 2] += 4.5 * np.maximum(t["forward_m_s"], 0.0)
-    assert ("moment_y", "forward_m_s") in _clear(structures(residuals, told, NAMES, _blocks()))
+    assert ("moment_y", "forward_m_s") in _clear(_structures(residuals, told, NAMES, _blocks()))
 
 
 def test_what_one_flight_alone_visits_is_seen():
@@ -106,7 +111,7 @@ def test_what_one_flight_alone_visits_is_seen():
     told[0]["height_over_radius"] = 7.0 + 5.0 * np.cos(2 * np.pi * told[0]["time_s"] / 5.0)
     residuals[0][:, 1] += 0.4 * (told[0]["height_over_radius"] < 6.0)
     assert ("force_z", "height_over_radius") in _clear(
-        structures(residuals, told, NAMES, _blocks())
+        _structures(residuals, told, NAMES, _blocks())
     )
 
 
@@ -132,13 +137,30 @@ def test_where_the_size_changes_and_the_mean_does_not():
     told, residuals = _flights(), _noise(np.random.default_rng(4))
     for r, t in zip(residuals, told, strict=True):
         r[:, 1] *= 1.0 + 5.0 * (t["height_over_radius"] < 5.0)
-    found = [s for s in structures(residuals, told, NAMES, _blocks()) if s.q_value <= 0.01]
+    found = [s for s in _structures(residuals, told, NAMES, _blocks()) if s.q_value <= 0.01]
     best = max((s for s in found if s.of_size), key=lambda s: s.r2)
     assert (best.channel, best.regime) == ("force_z", ("height_over_radius",)) and best.low[0] < 5.0
     assert best.rms == pytest.approx(0.3, rel=0.3), (
         "rms of the residual there, not of its logarithm"
     )
     assert all(s.of_size for s in found)
+
+
+def test_a_size_is_what_rows_resolve_of_it():
+    """As much as rows leave open on average is no structure's: a controller acts most where most
+    happens. Of the mean nothing is taken.
+    """
+    told, residuals = _flights(), _noise(np.random.default_rng(4))
+    for r, t in zip(residuals, told, strict=True):
+        r[:, 1] *= 1.0 + 5.0 * (t["height_over_radius"] < 5.0)
+    arguments = residuals, told, NAMES, _blocks()
+    whole = _structures(*arguments)
+    for share in (0.1, 10.0):
+        open_N2 = [np.full_like(r, share * 0.3**2) for r in residuals]
+        less = structures(*arguments, open_N2)
+        for before, after in zip(whole, less, strict=True):
+            rest = max(before.rms**2 - share * 0.3**2, 0.0) ** 0.5
+            assert after.rms == pytest.approx(rest if before.of_size else before.rms)
 
 
 def test_rougher_air_in_one_flight_than_in_another_is_in_no_regime():
@@ -151,7 +173,7 @@ def test_rougher_air_in_one_flight_than_in_another_is_in_no_regime():
         for i, (r, t) in enumerate(zip(residuals, told, strict=True)):
             r *= (0.5, 1.0, 2.2, 2.0)[i % 4]
             t["height_over_radius"] = t["height_over_radius"] + 8.0 * (i % 4)
-        found = structures(residuals, told, NAMES, _blocks())
+        found = _structures(residuals, told, NAMES, _blocks())
         alarms += any(s.of_size and s.q_value <= 0.05 and s.r2 > 0.1 for s in found)
     assert alarms <= 3
 
@@ -164,7 +186,7 @@ def test_what_differs_from_flight_to_flight_only_is_no_structure():
     for k, (r, t) in enumerate(zip(residuals, told, strict=True)):
         t["battery_V"] = 16.0 - 0.4 * k - 0.01 * t["time_s"]
         r[:, 1] += 0.1 * k
-    assert not _clear(structures(residuals, told, NAMES, _blocks()))
+    assert not _clear(_structures(residuals, told, NAMES, _blocks()))
 
 
 @pytest.mark.parametrize("alike", [True, False])
@@ -178,7 +200,7 @@ def test_what_drifts_is_no_function_of_voltage_unless_every_flight_says_so(alike
         r[:, 1] += (0.3 if alike or k % 2 else -0.3) * t["time_s"] / 25.0
     found = {
         key
-        for key in _clear(structures(residuals, told, NAMES, _blocks()))
+        for key in _clear(_structures(residuals, told, NAMES, _blocks()))
         if key[1] in ("time_s", "battery_V")
     }
     assert found == ({("force_z", "time_s"), ("force_z", "battery_V")} if alike else set())
@@ -186,7 +208,7 @@ def test_what_drifts_is_no_function_of_voltage_unless_every_flight_says_so(alike
 
 def test_same_bytes_every_time():
     told, residuals = _flights(), _noise(np.random.default_rng(5))
-    assert structures(residuals, told, NAMES, _blocks()) == structures(
+    assert _structures(residuals, told, NAMES, _blocks()) == _structures(
         residuals, told, NAMES, _blocks()
     )
 
@@ -195,7 +217,7 @@ def test_map_and_entries_show_the_cells(model):
     told, residuals = _flights(), _noise(np.random.default_rng(6))
     for r, t in zip(residuals, told, strict=True):
         r[:, 1] += 0.3 * (t["height_over_radius"] < 5.0)
-    found = structures(residuals, told, NAMES, _blocks())
+    found = _structures(residuals, told, NAMES, _blocks())
     made = regime_cells(_system(model), residuals, told, found)
     first = located_by_residuals(made, found, _system(model))[0]
     low, high = first["regime"]["height_over_radius"]
@@ -214,7 +236,7 @@ def test_what_is_too_small_to_matter_is_not_located(model):
     told, residuals = _flights(), [1e-3 * r for r in _noise(np.random.default_rng(9))]
     for r, t in zip(residuals, told, strict=True):
         r[:, 0] -= 1e-4 * t["forward_m_s"]
-    found = structures(residuals, told, NAMES, _blocks())
+    found = _structures(residuals, told, NAMES, _blocks())
     assert "force_x" in {key[0] for key in _clear(found)}
     assert (
         located_by_residuals(

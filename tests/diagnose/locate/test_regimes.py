@@ -1,6 +1,7 @@
 """Where a mismatch lives: regimes of windows, cells, and where findings act."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +17,10 @@ from ges.diagnose.locate.regimes import (
     regime_cells,
     regime_variables,
     strongest_entries,
+    unresolved_variances,
 )
 from ges.diagnose.locate.structure import Structure
-from ges.diagnose.prepare.channels import FORCE, MOMENT, drive
+from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, drive
 from ges.diagnose.prove.closed_loop import lean
 from ges.diagnose.prove.traces import excluded_spans, recorded_signals, trace
 from ges.diagnose.settings import settings
@@ -66,6 +68,30 @@ def test_what_was_not_logged_is_no_regime():
     still = still.replace(derived=frozenset({"attitude"}))
     told = set(regime_variables(still, windows_of(still), MODEL))
     assert told == {"time_s", "height_over_radius"}
+
+
+def test_rows_leave_open_what_their_readings_differ_by():
+    """One rotor turns faster for one row, as a controller asks at a new set-point. What acted in a
+    row is anything between the readings at its ends.
+    """
+    kick = 1.0 + 0.3 * (np.arange(len(times())) == 200)
+    flight = hovering(rotor_speed_1_rad_s=MODEL.hover_rad_s * kick)
+    windows, names = windows_of(flight), (*FORCE, *ACC, *MOMENT, *drive(4))
+    system = SimpleNamespace(
+        model=MODEL, main=names, flights=[SimpleNamespace(flight=flight, windows=windows)]
+    )
+    (variances,) = unresolved_variances(system)
+    thrust_N = 0.25 * MODEL.weight_N * kick**2
+    at = np.random.default_rng(1).random((4000, len(kick) - 1))
+    acted_N = thrust_N[:-1] + np.diff(thrust_N) * at
+    expected = (acted_N @ windows.mean[:, :-1].T).var(axis=0)
+    around = np.abs(windows.center - 200) <= 10
+    force, acc = (variances[:, names.index(n)] for n in ("force_z", "acc_z"))
+    np.testing.assert_allclose(force[around], expected[around], rtol=0.1)
+    np.testing.assert_array_equal(acc, force)
+    assert not variances[~around].any()
+    assert not variances[:, [names.index(n) for n in (*drive(4), "force_x")]].any()
+    assert variances[around][:, names.index("moment_z")].max() > 0.0
 
 
 @pytest.mark.parametrize("shape", [1.0, 5.0])

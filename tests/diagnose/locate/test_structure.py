@@ -40,7 +40,8 @@ def _noise(count=3, channels=1, seed=1, size=0.1):
 
 
 def _found(residuals, told, names=("force_x",)):
-    found = structures(residuals, told, names, _blocks(len(residuals)))
+    resolved = [np.zeros_like(r) for r in residuals]
+    found = structures(residuals, told, names, _blocks(len(residuals)), resolved)
     return {(s.channel, s.regime, s.of_size): s for s in found}
 
 
@@ -146,7 +147,8 @@ def test_what_is_absent_counts_nowhere():
 
 def test_too_few_windows_tell_nothing():
     told = [{name: v[:20] for name, v in t.items()} for t in _flights(1)]
-    assert structures([_noise(1)[0][:20]], told, ("force_x",), [np.arange(20) // 5]) == []
+    few, blocks = [_noise(1)[0][:20]], [np.arange(20) // 5]
+    assert structures(few, told, ("force_x",), blocks, [np.zeros_like(few[0])]) == []
 
 
 def test_flights_less_their_mean_keep_their_holes():

@@ -40,7 +40,7 @@ from ges.diagnose.estimate.joint import (
     raw_residuals,
     with_corrections,
 )
-from ges.diagnose.locate.regimes import regimes_of
+from ges.diagnose.locate.regimes import regimes_of, unresolved_variances
 from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
@@ -467,6 +467,7 @@ def _calibrated_structure(
         without_mean_balance(raw_residuals(system, null_fit(system)[1]), system), system
     )
     regimes, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
+    unresolved = unresolved_variances(system)
     largest: dict[str, float] = {}
     for pair in itertools.combinations(range(len(flights)), 2):
         for s in structures(
@@ -474,6 +475,7 @@ def _calibrated_structure(
             [regimes[i] for i in pair],
             system.main,
             [blocks[i] for i in pair],
+            [unresolved[i] for i in pair],
         ):
             largest[s.key] = max(largest.get(s.key, 0.0), float(f"{s.rms:.3g}"))
     return largest

@@ -14,7 +14,7 @@ from ges.diagnose.design.system import System, with_columns
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.channels import least_rms_in
+from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, least_rms_in
 from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import contribution_of
 from ges.diagnose.select.search import SearchResult
@@ -104,6 +104,38 @@ def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
     By flight, (m,) by variable in the unit of its name.
     """
     return [regime_variables(r.flight, r.windows, system.model) for r in system.flights]
+
+
+def unresolved_variances(system: System) -> list[np.ndarray]:
+    """Return the variance that rows leave open in what the rotors do, by window and channel.
+
+    Parameters
+    ----------
+    system : of the flights.
+
+    Returns
+    -------
+    By flight, (m, C) in squares of the channels' units; 0 for channels other than forces, the
+    accelerometer's and moments.
+
+    Notes
+    -----
+    The mean of a force over a row is uniform between the readings at its ends, so that its variance
+    is a twelfth of their squared difference. A step of a controller may be as short as a row.
+    """
+    return [_unresolved_variance(r.flight, r.windows, system) for r in system.flights]
+
+
+def _unresolved_variance(flight: Prepared, windows: Windows, system: System) -> np.ndarray:
+    """Return the variances of one flight, (m, C)."""
+    _, output = replay_model(flight, system.model, system.model.effects)
+    made = dict(zip((*FORCE, *MOMENT), (*output.force_N.T, *output.moment_Nm.T), strict=True))
+    made |= {a: made[f] for a, f in zip(ACC, FORCE, strict=True)}
+    weights = windows.mean.power(2)
+    variances = np.zeros((len(windows.center), len(system.main)))
+    for c, name in ((c, n) for c, n in enumerate(system.main) if n in made):
+        variances[:, c] = weights @ (np.diff(made[name], append=made[name][-1]) ** 2 / 12.0)
+    return variances
 
 
 def bin_edges(values: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from ges.diagnose.estimate.joint import (
     with_corrections,
 )
 from ges.diagnose.estimate.recalibrate import at_corrections, checked_fit, operating_point
-from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of
+from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of, unresolved_variances
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression
@@ -72,6 +72,7 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
             regimes,
             regression.system.main,
             regression.system.blocks(settings.statistics.block_s),
+            unresolved_variances(regression.system),
         ),
     )
 

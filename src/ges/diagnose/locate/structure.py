@@ -47,7 +47,7 @@ class Structure:
     r2 : on blocks of time left out.
     q_value : chance of so clear a structure anywhere, in flights without any.
     rms : of the prediction, in the channel's unit. If ``of_size``, of the residual within the
-        bounds.
+        bounds, without the share that rows do not resolve.
     of_size : whether the residual's size depends on the regime, and not its mean.
     """
 
@@ -246,6 +246,7 @@ def structures(
     regimes: Regimes,
     names: Sequence[str],
     blocks: Sequence[np.ndarray],
+    unresolved: Sequence[np.ndarray],
 ) -> list[Structure]:
     """Test mean and size of every channel over every regime, within the flights.
 
@@ -255,6 +256,7 @@ def structures(
     regimes : by flight, regime variables of every window, (m,) each.
     names : of the C channels.
     blocks : by flight, number of the block of time of every window.
+    unresolved : by flight, (m, C) variances that rows do not resolve, in squares of the units.
 
     Notes
     -----
@@ -263,7 +265,7 @@ def structures(
     residuals = [without_mean(r) for r in residuals]
     return [
         *_mean_structures(residuals, regimes, names, blocks),
-        *_size_structures(residuals, regimes, names, blocks),
+        *_size_structures(residuals, regimes, names, blocks, unresolved),
     ]
 
 
@@ -339,10 +341,14 @@ def _size_structures(
     regimes: Regimes,
     names: Sequence[str],
     blocks: Sequence[np.ndarray],
+    unresolved: Sequence[np.ndarray],
 ) -> list[Structure]:
     """Return the same test for the logarithm of the residuals' energy.
 
-    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime.
+    Each flight's own mean is subtracted: air that is rougher in one flight is in no regime. A
+    controller acts most where most happens, so rows resolve least there, and their share of the
+    energy is none of a structure's. It is that of all rows: a moment that was wrong in one of them
+    leaves rates that are wrong after it.
     """
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
     size = settings.design.response_windows
@@ -358,21 +364,23 @@ def _size_structures(
         name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
     }
     structures = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
-    pooled = np.concatenate(energy)
+    pooled, share = np.concatenate(energy), np.concatenate(unresolved).mean(axis=0)
+    at = {s.channel: list(names).index(s.channel) for s in structures}
     return [
-        _as_size_structure(s, pooled[:, list(names).index(s.channel)], values) for s in structures
+        _as_size_structure(s, pooled[:, at[s.channel]], float(share[at[s.channel]]), values)
+        for s in structures
     ]
 
 
 def _as_size_structure(
-    structure: Structure, energy: np.ndarray, values: Mapping[str, np.ndarray]
+    structure: Structure, energy: np.ndarray, unresolved: float, values: Mapping[str, np.ndarray]
 ) -> Structure:
-    """Return a structure of size, with the rms of the residual within its bounds."""
+    """Return a structure of size, with the rms of the resolved residual within its bounds."""
     inside = np.ones(len(energy), bool)
     for name, (low, high) in structure.bounds.items():
         inside &= (values[name] >= low) & (values[name] <= high)
-    rms = float(np.sqrt(energy[inside].mean())) if inside.any() else 0.0
-    return dataclasses.replace(structure, rms=rms, of_size=True)
+    resolved = float(energy[inside].mean()) - unresolved if inside.any() else 0.0
+    return dataclasses.replace(structure, rms=max(resolved, 0.0) ** 0.5, of_size=True)
 
 
 def _test_channels(
