@@ -39,6 +39,7 @@ COLUMNS = (
 )
 ROWS = dataclasses.replace(rows_of(np.zeros((3, 1)), [{}, {}]), flight=hovering())
 BOARD = SimpleNamespace(system=system_of(("force_z",), COLUMNS, [ROWS]))
+AS_GIVEN = SimpleNamespace(common={})
 
 
 def _search(evidence: dict[tuple[str, ...], float]) -> SearchResult:
@@ -138,7 +139,7 @@ def test_one_of_a_family_is_contested_that_the_other_explains_as_well_alone():
 def test_what_is_within_four_prior_sds_does_not_stand_however_clear(name, parameter, value, proven):
     """A prior lies about what is usual."""
     effects = {name: {**effect_table.get(name).neutral(), parameter: value}}
-    fitted = Fitted(effects, ((name, parameter),), 1e-7 * np.eye(1), None, None, BOARD)
+    fitted = Fitted(effects, ((name, parameter),), 1e-7 * np.eye(1), AS_GIVEN, None, BOARD)
     assert significant(fitted, name).passed == proven
 
 
@@ -146,8 +147,36 @@ def test_what_is_within_four_prior_sds_does_not_stand_however_clear(name, parame
 def test_a_delay_has_its_prior_where_none_is_free(delay_s, proven):
     """Without logged rotor speeds no column is that of a delay within its prior."""
     effects, free = {"esc_delay": {"delay_s": delay_s}}, (("esc_delay", "delay_s"),)
-    fitted = Fitted(effects, free, 1e-7 * np.eye(1), None, None, BOARD)
+    fitted = Fitted(effects, free, 1e-7 * np.eye(1), AS_GIVEN, None, BOARD)
     assert significant(fitted, "esc_delay").passed == proven
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "lags_s", "proven"),
+    [
+        (0.03, (0.0, 0.0), True),
+        (0.03, (-0.028, -0.028), False),
+        (0.03, (-0.04, -0.04), False),
+        (0.03, (0.02, 0.02), True),
+        # a lag up without one down moves the mean by half of it
+        (0.03, (-0.02, 0.0), True),
+    ],
+)
+def test_a_delay_that_a_lag_undoes_is_the_shape_of_one_response(delay_s, lags_s, proven):
+    """Flights determine how late a drive responds. What of it is delay and what lag is open within
+    a row, and with a second pole.
+    """
+    free, lags = ("esc_delay", "delay_s"), dict(zip(("up_s", "down_s"), lags_s, strict=True))
+    joint = SimpleNamespace(common={f"motor_lag.{name}": s for name, s in lags.items()})
+    delay = {"esc_delay": {"delay_s": delay_s}}
+    beside_a_nuisance = Fitted(delay, (free,), 1e-7 * np.eye(1), joint, None, BOARD)
+    assert significant(beside_a_nuisance, "esc_delay").passed == proven
+    both, fitted = {**delay, "motor_lag": lags}, (free, ("motor_lag", "up_s"))
+    named = Fitted(both, fitted, 1e-7 * np.eye(2), AS_GIVEN, None, BOARD)
+    assert significant(named, "esc_delay").passed == proven
+    lag_s = lags_s[0] + (delay_s if lags_s[0] < 0 else 0.0)
+    stands = np.sign(lag_s) == np.sign(lags_s[0]) and abs(lag_s) > 0.016
+    assert significant(named, "motor_lag").passed == stands
 
 
 @pytest.mark.parametrize(("sds", "proven"), [(4.4, False), (4.7, True)])
@@ -156,7 +185,7 @@ def test_a_number_of_the_file_has_to_be_certain(sds, proven):
     name, value = "motor_lag", 0.02
     effects = {name: {**effect_table.get(name).neutral(), "up_s": value}}
     covariance = (value / sds) ** 2 * np.eye(1)
-    fitted = Fitted(effects, ((name, "up_s"),), covariance, None, None, BOARD)
+    fitted = Fitted(effects, ((name, "up_s"),), covariance, AS_GIVEN, None, BOARD)
     share = fitted.sds_from_neutral(name, "up_s")
     assert share > 3.0 and (share > settings.statistics.certain_sds) == proven
     assert significant(fitted, name).passed == proven

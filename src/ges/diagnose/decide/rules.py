@@ -334,7 +334,8 @@ def significant(fitted: Fitted, name: str) -> Decision:
     Some amplitude must be clear of neutral with its shape given: an effect whose size its shape
     leaves open is there all the same. It must also be certainly beyond its prior, and nothing at a
     bound. A wind must blow at all. The file has ten numbers or more, which are always free: so what
-    corrects one must be certain.
+    corrects one must be certain. Of a drive's delay and lag the sum counts: where one undoes the
+    other, they are the shape of one response, which rows and a motor's second pole leave open.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -352,6 +353,9 @@ def significant(fitted: Fitted, name: str) -> Decision:
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
         value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
         deviation = value - a.neutral
+        other_s = _other_lateness_s(fitted, effect.parameter(parameter))
+        if deviation * other_s < 0.0:
+            deviation = math.copysign(max(abs(deviation) - abs(other_s), 0.0), deviation)
         prior = system.number_with_prior(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = not prior or abs(deviation - prior.mean) > certain_sds * prior.sd
@@ -359,6 +363,26 @@ def significant(fitted: Fitted, name: str) -> Decision:
             farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
     because = f"{farthest:.3g} sds from neutral" if farthest else "within its prior sd"
     return Decision(rule, farthest > least, because, farthest, least)
+
+
+def _other_lateness_s(fitted: Fitted, parameter: effect_table.Parameter) -> float:
+    """Return how much later a drive responds by its delay, for a lag; by its lag, for a delay.
+
+    Both are counted from the vehicle file, and add up to the mean of the drive's impulse response.
+    A lag is the mean of those up and down. It is 0 for what is neither.
+    """
+    own = parameter.prior.timing if parameter.prior else ""
+    if not own:
+        return 0.0
+    values = [
+        fitted.effects.get(e.name, {}).get(
+            p.name, fitted.joint.common.get(f"{e.name}.{p.name}", 0.0)
+        )
+        for e in effect_table.table().values()
+        for p in e.parameters
+        if p.prior and p.prior.timing not in ("", own)
+    ]
+    return float(np.mean(values))
 
 
 def practically_significant(
