@@ -326,11 +326,12 @@ def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
-    agree = "Nothing proven: within the prior sds these flights agree with the simulator"
+    agree = "these flights agree with the simulator"
     correction, stays = _largest_correction(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
-    starts = [f"{agree}; farthest off is {correction}"] if correction else []
-    for start in (*starts, f"{agree}, but for effects too small to show"):
+    starts = [f"Nothing proven: {agree}; farthest off is {correction}"] if correction else []
+    within = f"Nothing proven: within the prior sds {agree}"
+    for start in (*starts, f"{within}, but for effects too small to show"):
         yield from (_join(start, clause) for clause in (*rest, ""))
 
 
