@@ -29,9 +29,9 @@
   C(GES_FEEDBACK_LOAD, "load")               /* it hangs below */                                                       \
   C(GES_FEEDBACK_HEIGHT, "height")           /* the height that the controller holds is a reading */
 
-/* What a parameter is to a fit: a coefficient that scales the effect, a shape that is searched or fitted, or a number
- * that whoever switches the effect on has to know. */
-#define GES_ROLES(C) C(GES_AMPLITUDE, "amplitude") C(GES_SHAPE, "shape") C(GES_SWITCH, "switch")
+/* What a parameter is to a fit: a coefficient that scales the effect, a shape that is searched or fitted, a number that
+ * whoever switches the effect on has to know, or a shape that scales its moment alone. */
+#define GES_ROLES(C) C(GES_AMPLITUDE, "amplitude") C(GES_SHAPE, "shape") C(GES_SWITCH, "switch") C(GES_LEVER, "lever")
 
 /* Trims of a vehicle, fitted to flights that are known to be good. */
 #define GES_TRIMS(C)                                                                                                    \

@@ -301,6 +301,18 @@ def test_a_drag_of_each_axis_alone_takes_no_lift_and_no_gusts_with_it(flown, veh
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("lever", [0.0, 1.0])
+def test_a_rotor_drag_turns_the_vehicle_as_far_as_it_acts_at_the_hubs(lever, flown, vehicle):
+    """Crazyflow and drone-models lump it at the centre, where it makes no moment."""
+    drag = {"rotor_drag": {"k_kg": 2e-4, "lever": lever}}
+    found = ges.diagnose(recordings_of(flown, vehicle, drag), vehicle, holdout=["flight5"])
+    assert [f.name for f in found.findings] == ["rotor_drag"], found.sentence
+    told = found.findings[0].parameters
+    assert told["lever"].value == pytest.approx(lever, abs=0.2)
+    assert told["k_kg"].value == pytest.approx(2e-4, rel=0.1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drag", [{"rotor_drag": {"k_kg": 2e-4}}, {"parasitic_drag": {"area_m2": 0.1}}], ids=list
 )

@@ -115,3 +115,36 @@ def test_a_drag_is_of_the_whole_speed_of_each_axis_alone_or_between(coupling):
     met = np.sqrt(v**2 + coupling * (v @ v - v**2))
     expected = -0.5 * rho * area_m2 * np.array([1.0, 1.0, ratio]) * met * v
     assert with_it - without == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("lever", [0.0, 0.3, 1.0])
+def test_a_rotor_drag_turns_by_the_share_of_the_arms_at_which_it_acts(lever):
+    """Rotors of different speeds above the centre of mass, in level flight. At a lever of none it
+    is the drag that others lump at the centre.
+    """
+    v, k_kg = np.array([3.0, -2.0, 0.0]), 2e-5
+    places = np.array([[0.1, -0.12, 0.03], [-0.1, 0.12, 0.03], [0.1, 0.12, 0.03]])
+    places = np.vstack([places, [-0.1, -0.12, 0.03]])
+    speeds = np.array([400.0, 500.0, 600.0, 450.0])
+    numbers = {
+        f"rotor_{i}_{axis}_m": float(x)
+        for i, place in enumerate(places, 1)
+        for axis, x in zip("xyz", place, strict=True)
+    }
+    columns = {f"v_{a}_m_s": np.full(2, x) for a, x in zip("xyz", v, strict=True)}
+    columns |= {f"rotor_speed_{i}_rad_s": np.full(2, x) for i, x in enumerate(speeds, 1)}
+    samples = effects.Samples.from_columns({"t_s": np.array([0.0, 0.01]), **columns})
+    with_it, without = (
+        effects.replay(numbers, samples, on)
+        for on in ({"rotor_drag": {"k_kg": k_kg, "lever": lever}}, {})
+    )
+    forces = -k_kg * speeds[:, None] * v
+    np.testing.assert_allclose(
+        with_it.force_N[0] - without.force_N[0], forces.sum(axis=0), rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        with_it.moment_Nm[0] - without.moment_Nm[0],
+        lever * np.cross(places, forces).sum(axis=0),
+        rtol=1e-9,
+        atol=1e-12,
+    )

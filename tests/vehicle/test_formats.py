@@ -268,6 +268,18 @@ def test_rotorpy_is_told_of_a_drag_by_axis(coupling, said, fitted):
     assert any("coupling 0.3" in r for r in export.remarks) == said
 
 
+@pytest.mark.parametrize(
+    ("name", "lever", "said"),
+    [("rotorpy", 1.0, ""), ("rotorpy", 0.2, "at the hubs"), ("sdf", 0.0, "at the hubs")]
+    + [("urdf", 0.0, ""), ("urdf", 1.0, "at the centre of mass")],
+)
+def test_others_are_told_where_their_rotor_drag_acts(name, lever, said, fitted):
+    drag = {"rotor_drag": {"k_kg": 2e-5, "lever": lever}}
+    vehicle = Vehicle.model_validate({**fitted.model_dump(), "effects": drag})
+    remarks = formats.write_model(vehicle, name).remarks
+    assert [f"acts {said}" in r for r in remarks if "rotor drag" in r] == [True] * bool(said)
+
+
 def test_ground_effect_goes_into_pybullet_with_equal_gain_at_one_radius(fitted):
     text = formats.write_model(fitted, "urdf").text
     gain = float(text.split('gnd_eff_coeff="')[1].split('"')[0])

@@ -43,7 +43,7 @@ FREE: Mapping[str, tuple[str, ...]] = {
     "ground_effect_lag": ("c",),
     "ground_effect_moment": ("q",),
     "fountain_lift": ("c_b", "c_s"),
-    "rotor_drag": ("k_kg",),
+    "rotor_drag": ("k_kg", "lever"),
     "parasitic_drag": ("area_m2", "vertical_ratio", "coupling"),
     "axial_inflow": ("k_kg",),
     "translational_lift": ("c",),
@@ -65,7 +65,16 @@ FREE: Mapping[str, tuple[str, ...]] = {
 HANGING = {"below_m": 20.0}  # the concealed load hangs free, through the ground
 FIXED: Mapping[str, dict[str, float]] = {"ground_effect": WIDE, "slung_load": HANGING}
 START = {("wind", "roughness_m"): 0.03}
-SHAPES = ("decay", "c_s", "vertical_ratio", "coupling", "length_m", "damping", "roughness_m")
+SHAPES = (
+    "decay",
+    "c_s",
+    "lever",
+    "vertical_ratio",
+    "coupling",
+    "length_m",
+    "damping",
+    "roughness_m",
+)
 DRIVES = ("motor_lag", "esc_delay")
 """What a diagnosis always leaves free of a drive, beside its top speed."""
 

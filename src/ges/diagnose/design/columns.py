@@ -328,24 +328,33 @@ def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     return {**variant.given, **stepped}, step
 
 
-def column_parts(variant: Variant, others_present: Collection[str]) -> tuple[str, ...]:
+def column_parts(variant: Variant, beside: Sequence[Variant]) -> tuple[str, ...]:
     """Return parts of a variant's columns, see :class:`DesignColumn`.
 
     Parameters
     ----------
-    variant : of an effect. One whose moments have a gain is whole.
-    others_present : effects with columns beside it.
+    variant : of an effect. One whose moments have a gain is whole, and so is one with a column of
+        its lever beside it.
+    beside : all variants with columns, itself included.
 
     Notes
     -----
-    It has the force alone where another effect present makes its moment free.
+    It has the force alone where another effect beside it makes its moment free. Air that moves is
+    whole, too, where the lever of a drag is free.
     """
-    effect = effect_table.get(variant.effect)
-    if "own_lever" not in effect.hints or variant.moment_gain is not None:
+    effect, others = effect_table.get(variant.effect), {v.effect for v in beside}
+    with_lever = {
+        v.effect
+        for v in beside
+        for a in v.amplitudes
+        if effect_table.get(v.effect).parameter(a.parameter).role == "lever"
+    }
+    # moving air acts through a drag, whose lever is its own
+    is_whole = effect.name in with_lever or effect.moves_air and bool(with_lever)
+    if "own_lever" not in effect.hints or variant.moment_gain is not None or is_whole:
         return ("",)
-    others = map(effect_table.get, others_present)
-    levers = {e.modifies for e in others if "lever_of_carrier" in e.hints}
-    return ("force",) if effect.name in levers else ("force", "moment")
+    freed = {e.modifies for e in map(effect_table.get, others) if "lever_of_carrier" in e.hints}
+    return ("force",) if effect.name in freed else ("force", "moment")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -120,8 +120,8 @@ def unresolved_variances(system: System) -> list[np.ndarray]:
 
     Notes
     -----
-    The mean of a force over a row is uniform between the readings at its ends, so that its variance
-    is a twelfth of their squared difference. A step of a controller may be as short as a row.
+    The mean of a force over a row is uniform between the readings at its ends. Its variance is a
+    twelfth of their squared difference. A step of a controller may be as short as a row.
     """
     return [_unresolved_variance(r.flight, r.windows, system) for r in system.flights]
 

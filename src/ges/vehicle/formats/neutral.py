@@ -218,6 +218,28 @@ def without(plain: Plain, expressed: Iterable[str], target: str) -> list[str]:
     ]
 
 
+def drag_at(lever: float, plain: Plain, target: str) -> list[str]:
+    """Say that the rotor drag of a format acts elsewhere.
+
+    Parameters
+    ----------
+    lever : of the format's drag: 1 at the hubs, 0 at the centre of mass.
+    plain : the vehicle.
+    target : name of the format, for people.
+
+    Returns
+    -------
+    One sentence, or none where it acts where the vehicle's does.
+    """
+    own = plain.effect("rotor_drag", "lever")
+    if not plain.effect("rotor_drag", "k_kg") or own == lever:
+        return []
+    where = "the hubs" if lever else "the centre of mass"
+    return [
+        f"The rotor drag of {target} acts at {where}: its moment is not that of a lever of {own:g}."
+    ]
+
+
 def one_thrust(plain: Plain, target: str) -> list[str]:
     """Say that a format takes the mean where rotors differ in thrust.
 

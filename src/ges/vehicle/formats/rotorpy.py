@@ -23,7 +23,7 @@ from ges.errors import GesError, UsageError
 from ges.vehicle import scaling
 from ges.vehicle.datasheet import Datasheet, comment
 from ges.vehicle.file import Vehicle, parse_vehicle
-from ges.vehicle.formats.neutral import Export, one_thrust, plain, without
+from ges.vehicle.formats.neutral import Export, drag_at, one_thrust, plain, without
 from ges.vehicle.propeller import Propeller
 
 # no operator but these, as a file is worked out and never run
@@ -302,6 +302,7 @@ def write(vehicle: Vehicle) -> Export:
     remarks = [*p.remarks, *one_thrust(p, "RotorPy"), *without(p, _EXPRESSED, "RotorPy")]
     if abs(p.lag_up_s - p.lag_down_s) > 1e-6:
         remarks.append("RotorPy has one motor time constant: the mean of speeding up and down.")
+    remarks += drag_at(1.0, p, "RotorPy")
     coupling = p.effect("parasitic_drag", "coupling")
     if p.effect("parasitic_drag", "area_m2") and coupling < 1.0:
         remarks.append(

@@ -23,7 +23,7 @@ from ges.vehicle import scaling
 from ges.vehicle.datasheet import Datasheet
 from ges.vehicle.drive import curve_at_hover, normalised_thrust
 from ges.vehicle.file import Vehicle, parse_vehicle
-from ges.vehicle.formats.neutral import Export, Plain, number, parse_xml, plain, without
+from ges.vehicle.formats.neutral import Export, Plain, drag_at, number, parse_xml, plain, without
 from ges.vehicle.formats.sdf_frames import Pose, Scope, finder, model_of, pose_of
 from ges.vehicle.propeller import Propeller
 
@@ -358,6 +358,7 @@ def write(vehicle: Vehicle) -> Export:
     """
     p = plain(vehicle)
     remarks = [*p.remarks, *without(p, ("rotor_drag", "thrust_curve"), "Gazebo's motor model")]
+    remarks += drag_at(1.0, p, "Gazebo's motor model")
     if "thrust_curve" in p.effects:
         remarks.append(
             "Gazebo is commanded in rotor speeds: the thrust curve is for who commands it (PX4:"

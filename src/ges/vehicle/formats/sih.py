@@ -19,7 +19,15 @@ from ges.errors import GesError, UsageError
 from ges.vehicle import propeller, scaling
 from ges.vehicle.datasheet import Datasheet, comment
 from ges.vehicle.file import Vehicle, parse_vehicle
-from ges.vehicle.formats.neutral import Export, number, one_thrust, plain, rotors_at, without
+from ges.vehicle.formats.neutral import (
+    Export,
+    drag_at,
+    number,
+    one_thrust,
+    plain,
+    rotors_at,
+    without,
+)
 from ges.vehicle.layouts import LAYOUTS
 from ges.vehicle.propeller import Propeller
 
@@ -126,7 +134,11 @@ def from_parameters(
     drag = p["SIH_KDV"] / (4 * hover)
     effects: dict[str, dict[str, float]] = {"thrust_curve": {"c": 1.0}}
     if drag:
-        effects |= {"rotor_drag": {"k_kg": drag}, "axial_inflow": {"k_kg": drag}}
+        # it acts at the centre of mass
+        effects |= {
+            "rotor_drag": {"k_kg": drag, "lever": 0.0},
+            "axial_inflow": {"k_kg": drag},
+        }
     content = {
         "name": "sih-quad",
         "mass_kg": p["SIH_MASS"],
@@ -186,6 +198,7 @@ def write(vehicle: Vehicle) -> Export:
         remarks.append("Its rotors turn the other way than SIH turns them: yaw comes out reversed.")
     remarks += one_thrust(p, "SIH")
     remarks += without(p, ("rotor_drag", "axial_inflow", "thrust_curve"), "SIH")
+    remarks += drag_at(0.0, p, "SIH")
     curve = p.effect("thrust_curve", "c")
     if curve != 1.0:
         remarks.append(

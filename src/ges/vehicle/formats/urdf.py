@@ -23,6 +23,7 @@ from ges.vehicle.file import Vehicle, parse_vehicle
 from ges.vehicle.formats.neutral import (
     Export,
     Plain,
+    drag_at,
     number,
     one_thrust,
     parse_xml,
@@ -150,8 +151,8 @@ def _modes(values: dict[str, float]) -> list[str]:
     remarks = []
     if xy or z:
         remarks.append(
-            f"In the modes with drag add to effects: rotor_drag: {{k_kg: {xy:g}}}, axial_inflow:"
-            f" {{k_kg: {z:g}}}."
+            f"In the modes with drag add to effects: rotor_drag: {{k_kg: {xy:g}, lever: 0}},"
+            f" axial_inflow: {{k_kg: {z:g}}}."
         )
     # Cheeseman and Bennett's f - 1 is 1/15 at one radius, (R / 4 h)^2 is 1/16
     if ground:
@@ -189,6 +190,7 @@ def write(vehicle: Vehicle) -> Export:
         )
     if p.effect("rotor_drag", "k_kg") or p.effect("axial_inflow", "k_kg"):
         remarks.append("Drag flies in the modes PYB_DRAG only.")
+    remarks += drag_at(0.0, p, "gym-pybullet-drones")
     hubs = p.hubs_m[order]
     # that simulator's arms are those of a square
     arm_m = math.sqrt(2.0) * float(np.abs(hubs[:, :2]).mean())
