@@ -1,6 +1,6 @@
 """Structure in residuals: does a smooth function of a regime predict unseen blocks of time?
 
-The statistic is R^2 on blocks of time left out. Time and voltage run along with a flight, and
+The statistic is R^2 on blocks of time left out, tested as the log of a ratio of variances. Time and voltage run along with a flight, and
 neighbouring blocks predict any drift. So of those whole flights are left out, where there are two.
 
 The null flips signs of whole blocks of what the prediction misses, which keeps autocorrelation (ter
@@ -419,9 +419,12 @@ def _with_q_values(tested: Sequence[Structure], chance: np.ndarray) -> list[Stru
     if not tested:
         return []
     tiny = settings.numerics.tiny
-    mean, sd = chance.mean(axis=1), np.maximum(chance.std(axis=1), tiny)
-    # column 0 is what was flown, the rest are null draws; each test by its own null mean and sd
-    z = np.column_stack([np.array([t.r2 for t in tested]), chance])
+    # column 0 is what was flown, the rest are null draws; a log of variances has no ceiling that
+    # strong structures reach
+    r2 = np.column_stack([np.array([t.r2 for t in tested]), chance])
+    z = -np.log(np.maximum(1.0 - r2, tiny))
+    # each test by its own null mean and sd
+    mean, sd = z[:, 1:].mean(axis=1), np.maximum(z[:, 1:].std(axis=1), tiny)
     z = (z - mean[:, None]) / sd[:, None]
     # a cause that moves several channels is clear in their sum before it is in any of them
     groups = [at for at in _groups(tested) if len(at) > 1]
