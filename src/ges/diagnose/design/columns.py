@@ -328,24 +328,24 @@ def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     return {**variant.given, **stepped}, step
 
 
-def column_parts(variant: Variant, beside: Sequence[Variant]) -> tuple[str, ...]:
+def column_parts(variant: Variant, variants: Sequence[Variant]) -> tuple[str, ...]:
     """Return parts of a variant's columns, see :class:`DesignColumn`.
 
     Parameters
     ----------
     variant : of an effect. One whose moments have a gain is whole, and so is one with a column of
         its lever beside it.
-    beside : all variants with columns, itself included.
+    variants : all with columns, itself included.
 
     Notes
     -----
     It has the force alone where another effect beside it makes its moment free. Air that moves is
     whole, too, where the lever of a drag is free.
     """
-    effect, others = effect_table.get(variant.effect), {v.effect for v in beside}
+    effect = effect_table.get(variant.effect)
     with_lever = {
         v.effect
-        for v in beside
+        for v in variants
         for a in v.amplitudes
         if effect_table.get(v.effect).parameter(a.parameter).role == "lever"
     }
@@ -353,7 +353,8 @@ def column_parts(variant: Variant, beside: Sequence[Variant]) -> tuple[str, ...]
     is_whole = effect.name in with_lever or effect.moves_air and bool(with_lever)
     if "own_lever" not in effect.hints or variant.moment_gain is not None or is_whole:
         return ("",)
-    freed = {e.modifies for e in map(effect_table.get, others) if "lever_of_carrier" in e.hints}
+    present = [effect_table.get(v.effect) for v in variants]
+    freed = {e.modifies for e in present if "lever_of_carrier" in e.hints}
     return ("force",) if effect.name in freed else ("force", "moment")
 
 

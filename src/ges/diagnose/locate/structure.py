@@ -1,6 +1,7 @@
 """Structure in residuals: does a smooth function of a regime predict unseen blocks of time?
 
-The statistic is R^2 on blocks of time left out, tested as the log of a ratio of variances. Time and voltage run along with a flight, and
+The statistic is R^2 on blocks of time left out, tested as the log of a ratio of variances. That has
+no ceiling, which a strong structure would reach. Time and voltage run along with a flight, and
 neighbouring blocks predict any drift. So of those whole flights are left out, where there are two.
 
 The null flips signs of whole blocks of what the prediction misses, which keeps autocorrelation (ter

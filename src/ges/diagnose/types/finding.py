@@ -70,7 +70,7 @@ class Finding:
     --------
     >>> drag = found.findings[0]
     >>> print(drag.title, "|", drag.equation)
-    rotor drag, linear in air speed | F_i = -k w_i (V + omega x r_i)_xy
+    rotor drag, linear in air speed | F_i = -k w_i (V + omega x r_i)_xy, M_i = l r_i x F_i
     >>> low, high = drag.parameters["k_kg"].ci95
     >>> low < 6e-5 < high  # what acted when the flights were simulated
     True
