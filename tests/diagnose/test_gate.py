@@ -10,7 +10,6 @@ from ges.diagnose.prepare.align import CommandHold, Prepared, default_command_ho
 from ges.diagnose.prepare.delays import _combined_delay, estimate_command_hold
 from ges.diagnose.prepare.gate import clipped_samples, pass_gate, prepare
 from ges.diagnose.prepare.steady import with_steady_voltage
-from ges.diagnose.settings import settings
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError
 from ges.simulator import manoeuvres
@@ -87,23 +86,6 @@ def test_a_drive_tells_of_itself_on_the_ground_where_it_lifts(whole, held_down, 
     assert not flight.flying[flight.t_s < 4.4].any() and flight.flying[flight.t_s > 4.7].all()
     assert not flight.driven[flight.t_s < 1.8].any()
     assert flight.driven[flight.t_s > 2.2].mean() > 0.98
-
-
-def test_speeds_before_the_first_command_are_forgotten_where_none_were_logged(whole, model):
-    """The drive of a log that begins in the air starts where its first command has it. However far
-    off that is, of the thrust less is left later on than matters.
-    """
-    top, lag_s = (model.number(name) for name in ("max_rotor_speed_rad_s", "motor_time_constant_s"))
-    speeds = [c for c in whole if c.startswith("rotor_speed_")]
-    asked = whole.assign(**{u: whole[c] / top for u, c in zip(COMMAND, speeds, strict=True)})
-    commands_alone = pass_gate([asked.drop(columns=speeds)] * 2, model).flights[0]
-    at = commands_alone.t_s - commands_alone.t_s[0]
-    left = commands_alone.left_out["unknown_first_speeds"]
-    forgotten_s = -lag_s * np.log(settings.decide.least_thrust_share)
-    assert forgotten_s <= left < forgotten_s + at[1]
-    np.testing.assert_array_equal(commands_alone.flying, at >= at[1] * round(left / at[1]))
-    for with_speeds in (asked, whole):
-        assert "unknown_first_speeds" not in pass_gate([with_speeds] * 2, model).flights[0].left_out
 
 
 def test_a_gap_is_left_out_with_its_seconds(whole, model):

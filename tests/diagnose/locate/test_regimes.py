@@ -18,6 +18,7 @@ from ges.diagnose.locate.regimes import (
     regime_variables,
     strongest_entries,
     unresolved_variances,
+    with_known_speeds,
 )
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, drive
@@ -92,6 +93,25 @@ def test_rows_leave_open_what_their_readings_differ_by():
     assert not variances[~around].any()
     assert not variances[:, [names.index(n) for n in (*drive(4), "force_x")]].any()
     assert variances[around][:, names.index("moment_z")].max() > 0.0
+
+
+def test_speeds_before_the_first_command_are_forgotten_where_none_were_logged():
+    """The drive of a log that begins in the air starts where its first command has it."""
+    logged = hovering()
+    alone = logged.replace(
+        columns={k: v for k, v in logged.columns.items() if not k.startswith("rotor_speed")}
+    )
+    flights = [SimpleNamespace(flight=f, windows=windows_of(f)) for f in (logged, alone)]
+    residuals = [np.zeros((len(f.windows.center), 2)) for f in flights]
+    system = SimpleNamespace(model=MODEL, flights=flights)
+    with_speeds, by_commands = with_known_speeds(residuals, system)
+    np.testing.assert_array_equal(with_speeds, residuals[0])
+    left_out = np.isnan(by_commands).all(axis=1)
+    np.testing.assert_array_equal(left_out, np.isnan(by_commands).any(axis=1))
+    starts_s = flights[1].windows.center_s - 0.5 * flights[1].windows.length_s
+    share = np.exp(-(starts_s - alone.t_s[0]) / MODEL.number("motor_time_constant_s"))
+    assert 0 < left_out.sum() < 5
+    np.testing.assert_array_equal(left_out, share >= settings.decide.least_thrust_share)
 
 
 @pytest.mark.parametrize("shape", [1.0, 5.0])

@@ -40,7 +40,7 @@ from ges.diagnose.estimate.joint import (
     raw_residuals,
     with_corrections,
 )
-from ges.diagnose.locate.regimes import regimes_of, unresolved_variances
+from ges.diagnose.locate.regimes import regimes_of, unresolved_variances, with_known_speeds
 from ges.diagnose.locate.structure import structures
 from ges.diagnose.prepare.align import Prepared, attitude_measured
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
@@ -463,9 +463,8 @@ def _calibrated_structure(
     """
     model = with_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
-    residuals = only_in_air(
-        without_mean_balance(raw_residuals(system, null_fit(system)[1]), system), system
-    )
+    balanced = without_mean_balance(raw_residuals(system, null_fit(system)[1]), system)
+    residuals = with_known_speeds(only_in_air(balanced, system), system)
     regimes, blocks = regimes_of(system), system.blocks(settings.statistics.block_s)
     unresolved = unresolved_variances(system)
     largest: dict[str, float] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -104,6 +105,34 @@ def regimes_of(system: System) -> list[dict[str, np.ndarray]]:
     By flight, (m,) by variable in the unit of its name.
     """
     return [regime_variables(r.flight, r.windows, system.model) for r in system.flights]
+
+
+def with_known_speeds(residuals: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
+    """Return residuals without windows whose rotor speeds hang on those before the first command.
+
+    Parameters
+    ----------
+    residuals : by flight, (m, C).
+    system : of the flights.
+
+    Returns
+    -------
+    NaN in these windows.
+
+    Notes
+    -----
+    Without logged speeds these are unknown. As far off as they may be, of their thrust a share
+    below the least that matters is left later on.
+    """
+    forgotten_s = -math.log(settings.decide.least_thrust_share) * system.model.number(
+        "motor_time_constant_s"
+    )
+    known = [
+        r.flight.has("rotor_speed")
+        | (r.windows.center_s - 0.5 * r.windows.length_s - r.flight.t_s[0] > forgotten_s)
+        for r in system.flights
+    ]
+    return [np.where(k[:, None], e, np.nan) for k, e in zip(known, residuals, strict=True)]
 
 
 def unresolved_variances(system: System) -> list[np.ndarray]:

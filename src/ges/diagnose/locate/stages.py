@@ -18,7 +18,13 @@ from ges.diagnose.estimate.joint import (
     with_corrections,
 )
 from ges.diagnose.estimate.recalibrate import at_corrections, checked_fit, operating_point
-from ges.diagnose.locate.regimes import Cell, regime_cells, regimes_of, unresolved_variances
+from ges.diagnose.locate.regimes import (
+    Cell,
+    regime_cells,
+    regimes_of,
+    unresolved_variances,
+    with_known_speeds,
+)
 from ges.diagnose.locate.structure import Regimes, Structure, structures
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.select.evidence import Regression
@@ -59,8 +65,10 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
     regimes : by flight, regime variables of all windows.
     """
     residuals = without_mean_balance(raw_residuals(regression.system, joint), regression.system)
-    # a drive on the ground is no regime of flight, and would pass for structure
+    # a drive on the ground is no regime of flight, and would pass for structure; so would what it
+    # did before the recording
     residuals_in_air = only_in_air(residuals, regression.system)
+    with_known = with_known_speeds(residuals_in_air, regression.system)
     return Stage(
         model,
         joint,
@@ -68,7 +76,7 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
         residuals,
         residuals_in_air,
         structures(
-            residuals_in_air,
+            with_known,
             regimes,
             regression.system.main,
             regression.system.blocks(settings.statistics.block_s),

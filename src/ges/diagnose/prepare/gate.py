@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -136,30 +135,9 @@ def _in_the_air(
     gap, up = gaps(frame, flight.t_s), airborne(flight, gridded.working, above)
     cut = clipped_samples(frame, flight.t_s) & up & ~gap
     hit = impact_samples(gridded, model) & up & ~gap & ~cut
-    first = _with_unknown_speeds(flight, model) & up & ~gap & ~cut & ~hit
-    left_out = {
-        "on_ground": ~up & ~gap,
-        "gaps": gap,
-        "clipping": cut,
-        "contact": hit,
-        "unknown_first_speeds": first,
-    }
-    flying = up & ~gap & ~cut & ~hit & ~first
+    left_out = {"on_ground": ~up & ~gap, "gaps": gap, "clipping": cut, "contact": hit}
+    flying = up & ~gap & ~cut & ~hit
     return flight.replace(flying=flying, lifting=lifting(flight, flying) & ~gap, excluded=left_out)
-
-
-def _with_unknown_speeds(flight: Prepared, model: Model) -> np.ndarray:
-    """Return where rotor speeds hang on those before the first command, (n,).
-
-    Without logged speeds these are unknown. As far off as they may be, of their thrust a share
-    below the least that matters is left later on.
-    """
-    if flight.has("rotor_speed"):
-        return np.zeros(len(flight.t_s), bool)
-    forgotten_s = -math.log(settings.decide.least_thrust_share) * model.number(
-        "motor_time_constant_s"
-    )
-    return flight.t_s - flight.t_s[0] < forgotten_s
 
 
 def _height_over_ground_m(flight: Prepared, model: Model) -> np.ndarray | None:
