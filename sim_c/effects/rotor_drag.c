@@ -36,7 +36,7 @@ EFFECT(rotor_drag) = {
           .doc = "force per air speed and rotor speed (kg/rad)", .usual_share = 0.02},
          {.name = "lever", .unit = "1", .role = GES_LEVER, .value = 1, .neutral = NAN, .low = 0, .high = 1,
           .doc = "l, share of the arms of the hubs: 1 where it acts at these, 0 at the centre of mass", .usual = 1.0,
-          .usual_sd = 1.0, .fitted = 1},
+          .usual_sd = 1.0},
         },
     .about = GES_PHYSICS,
     .feedback = GES_FEEDBACK_NONE,

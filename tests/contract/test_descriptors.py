@@ -43,7 +43,7 @@ def test_every_parameter_has_a_role_that_fits(effect):
     for p in effect.parameters:
         assert p.low <= p.default <= p.high and p.low <= p.fit_low < p.fit_high <= p.high
         assert math.isnan(p.neutral) or p.role == "amplitude"
-        assert not p.fitted or p.role in ("shape", "lever")
+        assert not p.fitted or p.role == "shape"
         assert not p.reach or p.reach_over in (
             "radius",
             "hull",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -328,34 +328,24 @@ def _stepped_effects(model: Model, column: DesignColumn) -> tuple[dict, float]:
     return {**variant.given, **stepped}, step
 
 
-def column_parts(variant: Variant, variants: Sequence[Variant]) -> tuple[str, ...]:
+def column_parts(variant: Variant, others_present: Collection[str]) -> tuple[str, ...]:
     """Return parts of a variant's columns, see :class:`DesignColumn`.
 
     Parameters
     ----------
-    variant : of an effect. One whose moments have a gain is whole, and so is one with a column of
-        its lever beside it.
-    variants : all with columns, itself included.
+    variant : of an effect. One whose moments have a gain is whole.
+    others_present : effects with columns beside it.
 
     Notes
     -----
-    It has the force alone where another effect beside it makes its moment free. Air that moves is
-    whole, too, where the lever of a drag is free.
+    It has the force alone where another effect present makes its moment free.
     """
     effect = effect_table.get(variant.effect)
-    with_lever = {
-        v.effect
-        for v in variants
-        for a in v.amplitudes
-        if effect_table.get(v.effect).parameter(a.parameter).role == "lever"
-    }
-    # moving air acts through a drag, whose lever is its own
-    is_whole = effect.name in with_lever or effect.moves_air and bool(with_lever)
-    if "own_lever" not in effect.hints or variant.moment_gain is not None or is_whole:
+    if "own_lever" not in effect.hints or variant.moment_gain is not None:
         return ("",)
-    present = [effect_table.get(v.effect) for v in variants]
-    freed = {e.modifies for e in present if "lever_of_carrier" in e.hints}
-    return ("force",) if effect.name in freed else ("force", "moment")
+    others = map(effect_table.get, others_present)
+    levers = {e.modifies for e in others if "lever_of_carrier" in e.hints}
+    return ("force",) if effect.name in levers else ("force", "moment")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -570,7 +570,7 @@ def build(
     )
     for v in variants:
         # without channels of moments there is nothing to split
-        parts = column_parts(v, variants) if MOMENT[0] in names else ("",)
+        parts = column_parts(v, {w.effect for w in variants}) if MOMENT[0] in names else ("",)
         columns += [
             DesignColumn(v.key, variant=v, amplitude=j, part=part)
             for j in range(len(v.amplitudes))
