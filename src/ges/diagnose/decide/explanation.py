@@ -22,7 +22,7 @@ from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions
-from ges.diagnose.estimate.fit import fitted_model
+from ges.diagnose.estimate.fit import fitted_model, with_levers
 from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.channels import least_rms_in
@@ -85,6 +85,10 @@ def explain_flights(
         if only is None
         else fit_along_rollouts(accepted)
     )
+    if refined.fitted is not None:
+        # decided on with moments of their own; what is told flies with a lever
+        fitted = with_levers(refined.fitted, refined.system)
+        refined = dataclasses.replace(refined, fitted=fitted)
     return start, explanation_of(refined, gusts, start, nominal)
 
 

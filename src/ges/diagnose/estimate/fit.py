@@ -529,41 +529,59 @@ def _finished(rounds: _Rounds, at: _Point, flown: System) -> Fitted:
     if any(_chord_amplitude(name, at.values) for name in free):
         own = rounds.build_at(at.values, chords=True)
         chord = rounds.linearise(at.values, own, at.regression)[0].covariance
-    regression, joint, values = at.regression, at.joint, _with_levers(at)
-    if values != at.values:
-        flown = rounds.linearise(values, rounds.build_at(values), regression)[1]
-    if rounds.dynamic or values != at.values:
+    regression, joint = at.regression, at.joint
+    if rounds.dynamic:
         regression = whiten_system(flown, regression.noise, regression.whites)
     if rounds.dynamic or len(at.chosen) > len(free):
         joint = _refit_trims(regression, at.chosen, joint, len(free))
     # whitened rows are as large as a long flight, and nobody asks a finished fit for them
     regression = dataclasses.replace(regression, whites=())
-    return Fitted(values, free, at.covariance, joint, at.joint, regression, chord)
+    return Fitted(at.values, free, at.covariance, joint, at.joint, regression, chord)
 
 
-def _with_levers(at: _Point) -> effect_table.Effects:
-    """Return values with the levers that moments ask for, over the forces that they are of.
+def with_levers(fitted: Fitted, like: System) -> Fitted:
+    """Return a fit with the levers that its moments ask for, and with trims for these.
+
+    Parameters
+    ----------
+    fitted : whose small moments have coefficients of their own.
+    like : system of the same flights, of the model without the effects.
+    """
+    values = _values_with_levers(fitted)
+    if values == fitted.effects:
+        return fitted
+    before = fitted.regression
+    rounds = _Rounds(like, fitted.free, before.system.recordings, before.noise)
+    regression = whiten_system(rounds.build_at(values), before.noise)
+    chosen = free_columns(regression.system)
+    joint = _refit_trims(regression, chosen, fitted.joint_free_moments, len(fitted.free))
+    regression = dataclasses.replace(regression, whites=())
+    return dataclasses.replace(fitted, effects=values, joint=joint, regression=regression)
+
+
+def _values_with_levers(fitted: Fitted) -> effect_table.Effects:
+    """Return the fitted values with each lever that a moment's coefficient has over the force's.
 
     Coefficients of moments are deviations, as those of forces are. A lever that the flights hardly
     know is nearly the usual one.
     """
-    values, columns = at.values, at.regression.system.columns
-    for i, k in enumerate(at.chosen):
-        variant = variant_of(columns[k])
+    values, system, joint = fitted.effects, fitted.regression.system, fitted.joint_free_moments
+    for i, column in enumerate(system.columns[k] for k in free_columns(system)):
+        variant = variant_of(column)
         parameters = effect_table.get(variant.effect).parameters
         lever = next((p for p in parameters if p.role == "lever"), None)
-        if columns[k].part != "moment" or lever is None:
+        if column.part != "moment" or lever is None:
             continue
         own = values[variant.effect]
-        force = own[variant.amplitudes[columns[k].amplitude].parameter]
+        force = own[variant.amplitudes[column.amplitude].parameter]
         present = own.get(lever.name, lever.default)
         # a force of none has no lever, and a lever of none no column
         if not force * present:
             continue
         per_unit = present / force
-        variance = at.joint.covariance[i, i] * per_unit**2
+        variance = joint.covariance[i, i] * per_unit**2
         known = lever.usual_sd**2 / (lever.usual_sd**2 + variance)
-        by_flights = present + per_unit * at.joint.chosen[i]
+        by_flights = present + per_unit * joint.chosen[i]
         mean = known * by_flights + (1.0 - known) * lever.usual
         number = float(np.clip(mean, lever.low, lever.high))
         values = {**values, variant.effect: {**own, lever.name: number}}
