@@ -562,28 +562,23 @@ def with_levers(fitted: Fitted, like: System) -> Fitted:
 def _values_with_levers(fitted: Fitted) -> effect_table.Effects:
     """Return the fitted values with each lever that a moment's coefficient has over the force's.
 
-    Coefficients of moments are deviations, as those of forces are. A lever that the flights hardly
-    know is nearly the usual one.
+    Coefficients of moments are deviations, as those of forces are. A lever stays as it is where it
+    is not certainly another.
     """
     values, system, joint = fitted.effects, fitted.regression.system, fitted.joint_free_moments
     for i, column in enumerate(system.columns[k] for k in free_columns(system)):
         variant = variant_of(column)
         parameters = effect_table.get(variant.effect).parameters
         lever = next((p for p in parameters if p.role == "lever"), None)
-        if column.part != "moment" or lever is None:
+        sds = abs(joint.chosen[i]) / math.sqrt(joint.covariance[i, i])
+        if column.part != "moment" or not lever or sds <= settings.statistics.certain_sds:
             continue
         own = values[variant.effect]
         force = own[variant.amplitudes[column.amplitude].parameter]
-        present = own.get(lever.name, lever.default)
-        # a force of none has no lever, and a lever of none no column
-        if not force * present:
+        if not force:
             continue
-        per_unit = present / force
-        variance = joint.covariance[i, i] * per_unit**2
-        known = lever.usual_sd**2 / (lever.usual_sd**2 + variance)
-        by_flights = present + per_unit * joint.chosen[i]
-        mean = known * by_flights + (1.0 - known) * lever.usual
-        number = float(np.clip(mean, lever.low, lever.high))
+        number = own.get(lever.name, lever.default) * (1.0 + joint.chosen[i] / force)
+        number = float(np.clip(number, lever.low, lever.high))
         values = {**values, variant.effect: {**own, lever.name: number}}
     return values
 
