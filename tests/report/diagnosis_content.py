@@ -42,7 +42,7 @@ CONTENT = {
             "kind": "physics",
             "title": "rotor drag, linear in air speed",
             "probability": 0.97,
-            "equation": "F_i = -k w_i (V + omega x r_i)_xy",
+            "equation": "F_i = -k w_i (V + omega x r_i)_xy, M_i = l r_i x F_i",
             "parameters": {
                 "k_kg": {"value": 1.1e-4, "ci95": [1.0e-4, 1.2e-4], "unit": "kg", "note": "a note"}
             },
