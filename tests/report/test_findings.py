@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ges.diagnose.report.findings import open_findings
+from ges.diagnose.report.findings import _lever_note, open_findings
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.types.model import Model
 
@@ -31,3 +31,16 @@ def test_of_names_of_which_one_is_needed_no_more_is_stated_than_one(inclusion, s
         [calibrated_probability(p) for p in shares]
     )
     assert all(f.is_open for f in told)
+
+
+@pytest.mark.parametrize(
+    ("values", "nominal", "note"),
+    [
+        ({"k_kg": 1e-5, "lever": 1.0}, {}, ""),
+        ({"k_kg": 1e-5, "lever": 0.02}, {}, "its lever is 0.02"),
+        ({"k_kg": 1e-5, "lever": 0.02}, {"k_kg": 1e-6, "lever": 0.02}, ""),
+        ({"k_kg": 1e-5, "lever": 1.0}, {"k_kg": 1e-6, "lever": 0.0}, "its lever is 1"),
+    ],
+)
+def test_a_drag_says_where_it_acts_if_that_is_not_where_the_file_has_it(values, nominal, note):
+    assert _lever_note(values, "rotor_drag", nominal) == note

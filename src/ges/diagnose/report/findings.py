@@ -112,6 +112,7 @@ def _parameters_of(
         if e == name:
             notes = (
                 f"the vehicle file has {nominal[p]:.3g}" if p in nominal else "",
+                _lever_note(fitted.effects[name], name, nominal),
                 _correlation_note(fitted, (e, p)),
             )
             value = fitted.effects[e][p]
@@ -122,6 +123,15 @@ def _parameters_of(
                 "; ".join(n for n in notes if n),
             )
     return estimates
+
+
+def _lever_note(values: Mapping[str, float], name: str, nominal: Mapping[str, float]) -> str:
+    """Return where an effect acts, if that is not where it usually does."""
+    return "; ".join(
+        f"its {p.name} is {values[p.name]:.2g}"
+        for p in effect_table.get(name).parameters
+        if p.role == "lever" and values.get(p.name, p.default) != nominal.get(p.name, p.default)
+    )
 
 
 def _correlation_note(fitted: Fitted, key: tuple[str, str]) -> str:
