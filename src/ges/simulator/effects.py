@@ -257,6 +257,11 @@ class Effect:
         """Names of the shapes that flights may move."""
         return tuple(p.name for p in self.parameters if p.fitted)
 
+    @property
+    def lever(self) -> Parameter | None:
+        """The shape that scales its moment alone."""
+        return next((p for p in self.parameters if p.role == "lever"), None)
+
     def neutral(self) -> dict[str, float]:
         """Give the parameters at which the effect vanishes.
 

@@ -26,7 +26,17 @@ from ges.diagnose.prove.closed_loop import lean
 from ges.diagnose.prove.traces import excluded_spans, recorded_signals, trace
 from ges.diagnose.settings import settings
 
-from ..synthetic import MODEL, WINDOW_S, hovering, rows_of, system_of, times, turned, windows_of
+from ..synthetic import (
+    MODEL,
+    ROTOR_SPEED,
+    WINDOW_S,
+    hovering,
+    rows_of,
+    system_of,
+    times,
+    turned,
+    windows_of,
+)
 
 COUNT = 600
 HEIGHT = 7.0 - 6.0 * np.cos(2.0 * np.pi * np.arange(COUNT) / 73.0)
@@ -97,10 +107,7 @@ def test_rows_leave_open_what_their_readings_differ_by():
 
 def test_speeds_before_the_first_command_are_forgotten_where_none_were_logged():
     """The drive of a log that begins in the air starts where its first command has it."""
-    logged = hovering()
-    alone = logged.replace(
-        columns={k: v for k, v in logged.columns.items() if not k.startswith("rotor_speed")}
-    )
+    logged, alone = hovering(), hovering(**dict.fromkeys(ROTOR_SPEED))
     flights = [SimpleNamespace(flight=f, windows=windows_of(f)) for f in (logged, alone)]
     residuals = [np.zeros((len(f.windows.center), 2)) for f in flights]
     system = SimpleNamespace(model=MODEL, flights=flights)

@@ -568,18 +568,16 @@ def _values_with_levers(fitted: Fitted) -> effect_table.Effects:
     values, system, joint = fitted.effects, fitted.regression.system, fitted.joint_free_moments
     for i, column in enumerate(system.columns[k] for k in free_columns(system)):
         variant = variant_of(column)
-        parameters = effect_table.get(variant.effect).parameters
-        lever = next((p for p in parameters if p.role == "lever"), None)
-        sds = abs(joint.chosen[i]) / math.sqrt(joint.covariance[i, i])
-        if column.part != "moment" or not lever or sds <= settings.statistics.certain_sds:
-            continue
-        own = values[variant.effect]
+        own, lever = values[variant.effect], effect_table.get(variant.effect).lever
         force = own[variant.amplitudes[column.amplitude].parameter]
-        if not force:
+        # a force of none has no lever
+        if column.part != "moment" or not lever or not force:
             continue
-        number = own.get(lever.name, lever.default) * (1.0 + joint.chosen[i] / force)
-        number = float(np.clip(number, lever.low, lever.high))
-        values = {**values, variant.effect: {**own, lever.name: number}}
+        sds = abs(joint.chosen[i]) / math.sqrt(joint.covariance[i, i])
+        if sds > settings.statistics.certain_sds:
+            number = own[lever.name] * (1.0 + joint.chosen[i] / force)
+            number = float(np.clip(number, lever.low, lever.high))
+            values = {**values, variant.effect: {**own, lever.name: number}}
     return values
 
 

@@ -68,7 +68,6 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
     # a drive on the ground is no regime of flight, and would pass for structure; so would what it
     # did before the recording
     residuals_in_air = only_in_air(residuals, regression.system)
-    with_known = with_known_speeds(residuals_in_air, regression.system)
     return Stage(
         model,
         joint,
@@ -76,7 +75,7 @@ def make_stage(model: Model, joint: JointFit, regression: Regression, regimes: R
         residuals,
         residuals_in_air,
         structures(
-            with_known,
+            with_known_speeds(residuals_in_air, regression.system),
             regimes,
             regression.system.main,
             regression.system.blocks(settings.statistics.block_s),

@@ -366,7 +366,7 @@ def _size_structures(
     }
     structures = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
     pooled, share = np.concatenate(energy), np.concatenate(unresolved).mean(axis=0)
-    at = {s.channel: list(names).index(s.channel) for s in structures}
+    at = {name: c for c, name in enumerate(names)}
     return [
         _as_size_structure(s, pooled[:, at[s.channel]], float(share[at[s.channel]]), values)
         for s in structures

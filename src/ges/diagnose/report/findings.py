@@ -126,12 +126,11 @@ def _parameters_of(
 
 
 def _lever_note(values: Mapping[str, float], name: str, nominal: Mapping[str, float]) -> str:
-    """Return where an effect acts, if that is not where it usually does."""
-    return "; ".join(
-        f"its {p.name} is {values[p.name]:.2g}"
-        for p in effect_table.get(name).parameters
-        if p.role == "lever" and values.get(p.name, p.default) != nominal.get(p.name, p.default)
-    )
+    """Return where an effect acts, if that is not where the vehicle file has it."""
+    lever = effect_table.get(name).lever
+    if lever is None or values[lever.name] == nominal.get(lever.name, lever.default):
+        return ""
+    return f"its {lever.name} is {values[lever.name]:.2g}"
 
 
 def _correlation_note(fitted: Fitted, key: tuple[str, str]) -> str:

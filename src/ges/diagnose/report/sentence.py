@@ -329,10 +329,9 @@ def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
     agree = "these flights agree with the simulator"
     correction, stays = _largest_correction(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
-    starts = [f"Nothing proven: {agree}; farthest off is {correction}"] if correction else []
-    within = f"Nothing proven: within the prior sds {agree}"
-    for start in (*starts, f"{within}, but for effects too small to show"):
-        yield from (_join(start, clause) for clause in (*rest, ""))
+    starts = [f"{agree}; farthest off is {correction}"] if correction else []
+    for start in (*starts, f"within the prior sds {agree}, but for effects too small to show"):
+        yield from (_join(f"Nothing proven: {start}", clause) for clause in (*rest, ""))
 
 
 def _largest_error(content: Mapping[str, Any]) -> str:
