@@ -12,7 +12,7 @@ from ges.commands.diagnose import _flight_written
 from ges.diagnose.advise.detect import (
     DetectedEffect,
     _detectable_size,
-    _Shape,
+    _VariantEvidence,
     expected_evidence,
     smallest_detectable,
 )
@@ -20,9 +20,9 @@ from ges.diagnose.advise.next_flight import separating_manoeuvre
 from ges.diagnose.advise.recommend import (
     Option,
     Rival,
+    as_rivals,
     open_sets,
     rank,
-    rivals_of,
 )
 from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import build
@@ -74,7 +74,7 @@ def test_wind_and_tilted_attitude_are_told_apart_by_turning_round(quad, judged):
     )
     found = search(regression, listed, tuple(quad.effects))
     open_sets = [h for h in found.hypotheses if len(h.names) == 1]
-    rivals = rivals_of(regression, open_sets)
+    rivals = as_rivals(regression, open_sets)
     assert {r.names for r in rivals} == {("wind",), ("attitude_bias",)}
     ranked = {
         o.manoeuvre: o
@@ -106,7 +106,7 @@ def test_what_stays_open_is_told(quad, judged):
         h for h in search(regression, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
     ]
     (option,) = rank(
-        regression, regression.system.flights, rivals_of(regression, single), plans=("yaw_turn",)
+        regression, regression.system.flights, as_rivals(regression, single), plans=("yaw_turn",)
     )
     assert set(option.stays_open) == {"attitude_bias", "rotor_tilt"}
     assert option.separates[0] == "wind" and option.separates[1] in option.stays_open
@@ -157,7 +157,7 @@ def test_what_the_recommended_flight_promises_it_keeps(quad, judged):
         h for h in search(regression, listed, tuple(quad.effects)).hypotheses if len(h.names) == 1
     ]
     (option,) = rank(
-        regression, regression.system.flights, rivals_of(regression, open_sets), plans=("yaw_turn",)
+        regression, regression.system.flights, as_rivals(regression, open_sets), plans=("yaw_turn",)
     )
     after, listed = judged(
         quad, {"wind": {"east_m_s": 3.0}}, [*plans, manoeuvres.yaw_turn(30.0)], names
@@ -287,11 +287,11 @@ def test_at_its_limit_nine_of_ten_sets_of_flights_tell_an_effect_from_its_rival(
     )
     gains = [expected_evidence(gram, [k], sd) for k in range(2)]
     names = ("rotor_drag", "axial_inflow")
-    shapes = [
-        _Shape(name, (k,), gain, gain, cost)
+    variants = [
+        _VariantEvidence(name, (k,), gain, gain, cost)
         for k, (name, (gain, cost)) in enumerate(zip(names, gains, strict=True))
     ]
-    size, by = _detectable_size(shapes[0], 0, shapes, np.log(9.0))
+    size, by = _detectable_size(variants[0], 0, variants, np.log(9.0))
     right = settings.evidence.tempering * (size * x[:, :1] + rng.normal(0.0, 1.0, (n, 2000))).T @ x
     evidence = 0.5 * right**2 / (np.diag(gram.xx) + 1.0 / sd**2) - [cost for _, cost in gains]
     price = np.log(9.0) + np.log(0.5 / 0.3 * 2)

@@ -103,7 +103,7 @@ def diagnose(
     watch("fitted", explanation.accepted.names)
     balance = None if explanation.accepted.names else balance_shift(start.system)
     explanation, unexplained = without_idle_rivals(explanation, nominal, balance is not None)
-    shift = balance or (None if names else thrust_of(explanation, start.system))
+    unnamed_cause = balance or (None if names else thrust_of(explanation, start.system))
     located = located_entries(start, explanation)
     explanation, unexplained = refit_with_open_names(
         explanation, unexplained, start, nominal, balance, record
@@ -144,6 +144,6 @@ def diagnose(
         proof,
         located,
         contradicted,
-        shift,
+        unnamed_cause,
         record,
     )

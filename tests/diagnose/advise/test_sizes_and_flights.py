@@ -9,7 +9,7 @@ from scipy.special import ndtri
 from ges.diagnose.advise import recommend
 from ges.diagnose.advise.detect import DetectedEffect, expected_evidence, smallest_detectable
 from ges.diagnose.advise.next_flight import next_flight
-from ges.diagnose.advise.recommend import Option, Rival, open_sets, rank, rivals_of
+from ges.diagnose.advise.recommend import Option, Rival, as_rivals, open_sets, rank
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.select.evidence import Gram, Posterior, Prior, make_regression, posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult
@@ -111,7 +111,7 @@ def test_open_are_the_best_set_with_each_name_in_question_and_nothing_where_that
     assert [h.names for h in open_sets(found, ("wind",))] == [("tether",), ("wind",)]
     sure = _search({("wind",): (5.0, 1.0), (): (-9.0, 0.0)}, {"wind": 1.0})
     assert [h.names for h in open_sets(sure, ("wind",))] == [("wind",)]
-    assert rivals_of(None, [h for h in open_sets(found, ()) if not h.names]) == [Rival((), {}, ())]
+    assert as_rivals(None, [h for h in open_sets(found, ()) if not h.names]) == [Rival((), {}, ())]
 
 
 RIVALS = [

@@ -31,22 +31,22 @@ from ges.simulator import effects as effect_table
 
 
 @dataclasses.dataclass(frozen=True)
-class _Shape:
-    """One variant of one effect.
+class _VariantEvidence:
+    """One variant of an effect, with the evidence that is expected of it.
 
     Attributes
     ----------
     name : of the effect.
     columns : its columns in the regression.
-    gain : (K,) evidence by true column, per squared unit of its coefficient.
-    over : (K,) the same, over what nuisances can explain.
+    per_square : (K,) evidence by true column, per squared unit of its coefficient.
+    over_nuisances : (K,) the same, over what nuisances can explain.
     cost : log evidence of its freedom, of its many shapes, and of its rarity.
     """
 
     name: str
     columns: tuple[int, ...]
-    gain: np.ndarray
-    over: np.ndarray
+    per_square: np.ndarray
+    over_nuisances: np.ndarray
     cost: float
 
 
@@ -80,38 +80,41 @@ class _Entry:
     content: dict[str, Any]
 
 
-def _shapes(regression: Regression, gram: Gram, leave_out: Collection[str]) -> list[_Shape]:
+def _evidence_by_variant(
+    regression: Regression, gram: Gram, leave_out: Collection[str]
+) -> list[_VariantEvidence]:
+    """Return the expected evidence of every variant of the effects that are not left out."""
     listed = [
         (name, columns)
         for (name, _), columns in regression.by_variant().items()
         if name not in leave_out
     ]
-    many, most = Counter(name for name, _ in listed), _largest_gain(regression)
+    variants_of, bound = Counter(name for name, _ in listed), _bound_by_nuisances(regression)
     return [
-        _Shape(
+        _VariantEvidence(
             name,
             tuple(columns),
-            gain,
-            np.minimum(gain, most),
-            cost + math.log(many[name]) - log_rarity([name]),
+            per_square,
+            np.minimum(per_square, bound),
+            cost + math.log(variants_of[name]) - log_rarity([name]),
         )
         for name, columns in listed
-        for gain, cost in [expected_evidence(gram, columns, regression.prior.sd)]
+        for per_square, cost in [expected_evidence(gram, columns, regression.prior.sd)]
     ]
 
 
-def _largest_gain(regression: Regression) -> np.ndarray:
-    """Return the upper bound (K,) of evidence per squared unit of every column's coefficient.
+def _bound_by_nuisances(regression: Regression) -> np.ndarray:
+    """Return the most evidence per squared unit that nuisances leave a column, (K,).
 
-    A nuisance of the same key explains it at the price of its prior. Without the bound, differences
-    between linearisations would count as evidence without end.
+    A nuisance with the column's key can make the same move x, and pays x^2 / (2 sd^2). Without the
+    bound, differences between linearisations would count as evidence without end.
     """
-    # x^2 / (2 sd^2) is what the prior charges a nuisance for the same move
+    # infinite without such a nuisance
     with np.errstate(divide="ignore"):
-        return 0.5 / _prior_sds(regression) ** 2
+        return 0.5 / _nuisance_sds(regression) ** 2
 
 
-def _prior_sds(regression: Regression) -> np.ndarray:
+def _nuisance_sds(regression: Regression) -> np.ndarray:
     """Return the prior sd (K,) of the nuisance of every column's key, 0 where there is none."""
     sds = {key: regression.prior.sd[k] for key, k in regression.system.nuisances.items()}
     return np.array([sds.get(c.key, 0.0) for c in regression.system.columns])
@@ -130,7 +133,8 @@ def expected_evidence(
 
     Returns
     -------
-    gain, cost : the evidence is ``gain * size^2 - cost``, gain (K,) by the column that acts.
+    per_square, cost : the evidence is ``per_square * size^2 - cost``, with (K,) values by the
+        column that acts.
 
     References
     ----------
@@ -161,26 +165,36 @@ def _size_exceeding(price: float, per_square: float, power_sds: float, weight: f
 
 
 def _detectable_size(
-    shape: _Shape, truth: int, others: Sequence[_Shape], log_odds: float
+    variant: _VariantEvidence, acting: int, listed: Sequence[_VariantEvidence], log_odds: float
 ) -> tuple[float, str]:
-    """Return the size of the true coefficient at which its evidence wins.
+    """Return the coefficient's size at which its effect is accepted, and the hardest rival.
 
-    It beats nothing and every other effect.
+    Parameters
+    ----------
+    variant : of the effect that acts.
+    acting : index of the column that acts.
+    listed : all variants; those of the same effect are no rivals.
+    log_odds : of an acceptance.
 
-    Infinite, with the name of the effect that hides it, where one does.
+    Returns
+    -------
+    The size in the unit of the parameter, infinite where a rival explains as much. The name of that
+    rival, '' where noise is the limit.
     """
-    gain, count = float(shape.gain[truth]), len({s.name for s in others} | {shape.name})
-    noise = float(ndtri(settings.advise.power)), settings.evidence.tempering
-    price, rarity = log_odds + shape.cost, log_odds_against_one_of(count)
+    power_sds, row_weight = float(ndtri(settings.advise.power)), settings.evidence.tempering
+    needed = log_odds + variant.cost
+    rarity = log_odds_against_one_of(len({v.name for v in listed} | {variant.name}))
     # against nothing: there its number may move as a nuisance, at a price that its prior sets
-    shown = max(float(shape.over[truth]), settings.numerics.tiny)
-    worst, hidden = _size_exceeding(price + rarity, shown, *noise), ""
-    for other in (s for s in others if s.name != shape.name):
-        # against a rival: it takes up a part of the gain, and pays for its own freedom
-        size = _size_exceeding(price - other.cost, gain - float(other.gain[truth]), *noise)
-        if size > worst:
-            worst, hidden = size, other.name
-    return worst, hidden
+    over_nothing = max(float(variant.over_nuisances[acting]), settings.numerics.tiny)
+    largest = _size_exceeding(needed + rarity, over_nothing, power_sds, row_weight)
+    hardest, own = "", float(variant.per_square[acting])
+    for rival in (v for v in listed if v.name != variant.name):
+        # against a rival: it takes up a part of the evidence, and pays for its own freedom
+        over_rival = own - float(rival.per_square[acting])
+        size = _size_exceeding(needed - rival.cost, over_rival, power_sds, row_weight)
+        if size > largest:
+            largest, hardest = size, rival.name
+    return largest, hardest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,7 +224,7 @@ def _sizes(regression: Regression) -> _Sizes:
             # shares are linear in the coefficient: it matters once the greatest of them is one
             np.maximum(
                 1.0 / shares.max(axis=0),
-                settings.statistics.certain_sds * _prior_sds(regression),
+                settings.statistics.certain_sds * _nuisance_sds(regression),
             ),
             (rms / scale)[is_force_or_moment].max(axis=0, initial=0.0),
         )
@@ -274,13 +288,14 @@ def _sizes_given(
     )
     # what is given takes no side: it is integrated out with a prior that is as good as flat
     gram = pooled.without(free, settings.numerics.wide_factor * regression.prior.sd[free])
-    shapes, log_odds = _shapes(regression, gram, given), settings.statistics.acceptance_log_odds
+    listed = _evidence_by_variant(regression, gram, given)
+    log_odds = settings.statistics.acceptance_log_odds
     sizes: dict[str, list[_Entry]] = {}
-    for shape in (s for s in shapes if only in (None, s.name)):
-        for k in (k for k in shape.columns if _is_reported(regression.system.columns[k])):
-            size, hidden = _detectable_size(shape, k, shapes, log_odds)
-            size, hidden = max((size, hidden), (float(unit.least[k]), ""))
-            sizes.setdefault(shape.name, []).append(_entry(regression, k, size, hidden, unit))
+    for variant in (v for v in listed if only in (None, v.name)):
+        for k in (k for k in variant.columns if _is_reported(regression.system.columns[k])):
+            size, rival = _detectable_size(variant, k, listed, log_odds)
+            size, rival = max((size, rival), (float(unit.least[k]), ""))
+            sizes.setdefault(variant.name, []).append(_entry(regression, k, size, rival, unit))
     return sizes
 
 
@@ -289,7 +304,7 @@ def _is_reported(column: DesignColumn) -> bool:
     return column.part != "moment" and not modifiers_of(variant_of(column))
 
 
-def _entry(regression: Regression, k: int, size: float, hidden: str, unit: _Sizes) -> _Entry:
+def _entry(regression: Regression, k: int, size: float, rival: str, unit: _Sizes) -> _Entry:
     """Return the result for one column.
 
     An effect that clips is detectable as a whole or not at all. A size beyond the vehicle's weight,
@@ -308,6 +323,6 @@ def _entry(regression: Regression, k: int, size: float, hidden: str, unit: _Size
         "smallest": size if is_detectable else None,
         "unit": effect_table.get(variant.effect).parameter(amplitude.parameter).unit,
         "shape": dict(variant.shape),
-        "limited_by": hidden,
+        "limited_by": rival,
     }
     return _Entry(variant, size / abs(amplitude.step) if is_detectable else np.inf, content)

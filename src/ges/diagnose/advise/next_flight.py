@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ges.diagnose.advise.recommend import Rival, open_sets, rank, rivals_of
+from ges.diagnose.advise.recommend import Rival, as_rivals, open_sets, rank
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.design.system import FlightRows, build
 from ges.diagnose.detectors.balance import Shift
@@ -16,24 +16,24 @@ from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
 
 
-def next_flight(accepted: Accepted, shift: Shift | UnmeasuredThrust | None) -> dict:
+def next_flight(accepted: Accepted, unnamed_cause: Shift | UnmeasuredThrust | None) -> dict:
     """Return ``next_flight`` of diagnosis.json.
 
     Parameters
     ----------
     accepted : names and fits of the search.
-    shift : a shifted balance or unmeasured thrust, which has a next flight of its own; None without
-        one.
+    unnamed_cause : a shifted balance or unmeasured thrust, which has a next flight of its own; None
+        without one.
 
     Returns
     -------
     The best manoeuvre and how often to fly it. Empty where nothing is open; without a manoeuvre
     where none of the menu would do.
     """
-    if isinstance(shift, UnmeasuredThrust):
-        return _with_voltage(shift)
-    if shift:
-        return shift.next_flight()
+    if isinstance(unnamed_cause, UnmeasuredThrust):
+        return _with_voltage(unnamed_cause)
+    if unnamed_cause:
+        return unnamed_cause.next_flight()
     s = settings.statistics
     doubtful = any(
         s.possible_probability < p < s.acceptance_probability
@@ -59,7 +59,7 @@ def separating_manoeuvre(
     regression, flights, result : of the search.
     proven : names that are accepted.
     """
-    rivals = rivals_of(regression, open_sets(result, proven))
+    rivals = as_rivals(regression, open_sets(result, proven))
     ranked = rank(regression, flights, rivals) if len(rivals) > 1 else []
     return ranked[0].content() if ranked else {}
 

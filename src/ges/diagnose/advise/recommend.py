@@ -100,15 +100,15 @@ class Option:
         }
 
 
-def rivals_of(regression: Regression, open_sets: Sequence[Hypothesis]) -> list[Rival]:
-    """Return the rivals of hypotheses; the one without names is a rival too.
+def as_rivals(regression: Regression, hypotheses: Sequence[Hypothesis]) -> list[Rival]:
+    """Return each open hypothesis as a :class:`Rival`, with starting values of its parameters.
 
     Parameters
     ----------
     regression : of the search.
-    open_sets : hypotheses that are open.
+    hypotheses : that are open. One without names is nothing more than what is accepted.
     """
-    return [Rival(h.names, starting_values(regression, h), h.posterior.columns) for h in open_sets]
+    return [Rival(h.names, starting_values(regression, h), h.posterior.columns) for h in hypotheses]
 
 
 def open_sets(result: SearchResult, proven: Sequence[str]) -> list[Hypothesis]:
@@ -184,7 +184,7 @@ def simulate(model: Model, rival: Rival, plan: str, logged: Sequence[str]) -> Pr
 
 
 def _columns_in_use(regression: Regression, rivals: Sequence[Rival]) -> np.ndarray:
-    """Return numbers of the nuisance columns in use and of the rivals' columns."""
+    """Return indices of the nuisance columns in use and of the rivals' columns."""
     used = [k for k in regression.nuisance if regression.prior.sd[k] > 0]
     return np.array(sorted({*used, *(k for r in rivals for k in r.columns)}), dtype=int)
 
@@ -218,27 +218,26 @@ def _log_evidence(
     regression: Regression, gram: Gram, keep: np.ndarray, rivals: Sequence[Rival]
 ) -> np.ndarray:
     """Return log evidence of every rival on these normal equations."""
-    place = {int(k): i for i, k in enumerate(keep)}
+    index = {int(k): i for i, k in enumerate(keep)}
     # nuisances are integrated out once, of all flights together: they are the same in each rival
-    drop = np.array([place[int(k)] for k in keep if k in set(regression.nuisance)], dtype=int)
+    drop = np.array([index[int(k)] for k in keep if k in set(regression.nuisance)], dtype=int)
     marginal = gram.without(drop, regression.prior.sd[keep][drop])
-    sets = [[place[int(k)] for k in r.columns] for r in rivals]
+    sets = [[index[int(k)] for k in r.columns] for r in rivals]
     prior = regression.prior.take(keep)
     return np.array([posterior(marginal, at, prior).log_evidence if at else 0.0 for at in sets])
 
 
-def _lead(evidence: np.ndarray, truth: int) -> float:
-    """Return the lead of the true rival over the best other, in log evidence."""
+def _evidence_ahead(evidence: np.ndarray, truth: int) -> float:
+    """Return by how much log evidence the true rival leads the best other."""
     return float(evidence[truth] - np.delete(evidence, truth).max())
 
 
-def _expected_lead(chance: np.ndarray, leads: Sequence[float]) -> float:
-    """Return the lead of the true rival averaged over probabilities.
+def _expected_lead(probability: np.ndarray, leads: Sequence[float]) -> float:
+    """Return the lead of the true rival, averaged by the probability of each to be true.
 
-    It is capped where it settles the question.
+    A lead beyond what settles the question is worth no more than that.
     """
-    # a lead beyond what settles the question is worth no more than that
-    return float(chance @ np.minimum(leads, settings.advise.settled_log_odds))
+    return float(probability @ np.minimum(leads, settings.advise.settled_log_odds))
 
 
 def _labels(rivals: Sequence[Rival]) -> tuple[str, ...]:
@@ -270,16 +269,18 @@ def rank(
     past = sum((g.take(keep) for g in regression.by_flight[1:]), regression.by_flight[0].take(keep))
     past = past.scale(0.0) if also_logged else past
     now = _log_evidence(regression, past, keep, rivals)
-    so_far, chance = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
+    so_far, probability = float(np.sort(now)[-1] - np.sort(now)[-2]), softmax(now)
     labels, options, reserves = _labels(rivals), [], {}
-    expected_now = _expected_lead(chance, [_lead(now, i) for i in range(len(rivals))])
+    expected_now = _expected_lead(
+        probability, [_evidence_ahead(now, i) for i in range(len(rivals))]
+    )
     likeliest = rivals[int(np.argmax(now))]
     made = each(lambda plan: simulate(model, likeliest, plan, logged), plans)
     flown = {plan: f for plan, f in zip(plans, made, strict=True) if f is not None}
     grams_by_plan = each(lambda f: _grams(regression, flights, f, keep, rivals), flown.values())
     for plan, grams in zip(flown, grams_by_plan, strict=True):
         after = [_log_evidence(regression, past + gram, keep, rivals) for gram in grams]
-        leads = [_lead(evidence, i) for i, evidence in enumerate(after)]
+        leads = [_evidence_ahead(evidence, i) for i, evidence in enumerate(after)]
         # what would still be open although it were true
         still_open = tuple(
             label
@@ -287,7 +288,7 @@ def rank(
             if lead <= settings.statistics.acceptance_log_odds
         )
         separated = tuple(label for label in labels if label not in still_open)
-        expected = _expected_lead(chance, leads)
+        expected = _expected_lead(probability, leads)
         separates, open_still = (
             (separated + still_open[:1], still_open) if separated else (labels, ())
         )

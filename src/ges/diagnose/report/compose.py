@@ -73,7 +73,7 @@ def compose_diagnosis(
     proof: Proof,
     located: Sequence[dict],
     contradicted: Sequence[Contradicted],
-    shift: Shift | UnmeasuredThrust | None,
+    unnamed_cause: Shift | UnmeasuredThrust | None,
     record: DecisionLog,
 ) -> Diagnosis:
     """Put the diagnosis together.
@@ -88,11 +88,11 @@ def compose_diagnosis(
     models : before, recalibrated and after, with laws also names_only.
     located : entries of ``located``.
     contradicted : nominal parameters that the flights contradict.
-    shift : a shifted balance or an unmeasured thrust; None where there is none.
+    unnamed_cause : a shifted balance or an unmeasured thrust; None where there is none.
     record : decisions on every name.
     """
     findings = with_rival_laws(
-        all_findings(explanation, problem.model, contradicted, shift, problem.gate),
+        all_findings(explanation, problem.model, contradicted, unnamed_cause, problem.gate),
         rivals,
     )
     # asked of the model with all findings, as one may act through another
@@ -110,7 +110,7 @@ def compose_diagnosis(
     verdict = verdict_of(findings, contradicted, laws, unexplained)
     diagnosis = Diagnosis(
         verdict=verdict,
-        remark=remark_of(verdict, contradicted, shift, off),
+        remark=remark_of(verdict, contradicted, unnamed_cause, off),
         origin=origin_of(problem),
         findings=tuple(findings),
         located=tuple(located),
@@ -120,7 +120,7 @@ def compose_diagnosis(
         detectable=smallest_detectable(
             explanation.accepted.regression, detected_effects(explanation.accepted)
         ),
-        next_flight=next_flight(explanation.accepted, shift),
+        next_flight=next_flight(explanation.accepted, unnamed_cause),
         data=data_used(problem.flights, problem.gate, start.system, off, warnings),
         calibration=calibration,
         not_tested=untested,

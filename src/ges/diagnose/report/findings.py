@@ -37,7 +37,7 @@ def all_findings(
     explanation: Explanation,
     nominal: Model,
     contradicted: Sequence[Contradicted],
-    shift: Shift | UnmeasuredThrust | None,
+    unnamed_cause: Shift | UnmeasuredThrust | None,
     gate: Gate,
 ) -> list[Finding]:
     """Return the findings of a diagnosis.
@@ -47,7 +47,7 @@ def all_findings(
     explanation : accepted names with their fits.
     nominal : the vehicle file's model, against which sizes count.
     contradicted : nominal parameters that the flights contradict.
-    shift : a shifted balance or unmeasured thrust; None without one.
+    unnamed_cause : a shifted balance or unmeasured thrust; None without one.
     gate : delays and offsets that were removed.
 
     Returns
@@ -69,7 +69,7 @@ def all_findings(
         *gate_findings(gate, explanation.last.model.prior_sds),
         *_contradicted_findings(contradicted, explanation.last.regression.system),
         *open_findings(accepted, nominal),
-        *(shift.findings() if shift else ()),
+        *(unnamed_cause.findings() if unnamed_cause else ()),
     ]
 
 

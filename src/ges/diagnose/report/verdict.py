@@ -47,7 +47,7 @@ def verdict_of(
 def remark_of(
     verdict: str,
     contradicted: Sequence[Contradicted],
-    shift: Shift | UnmeasuredThrust | None,
+    unnamed_cause: Shift | UnmeasuredThrust | None,
     off: Mapping[str, str],
 ) -> str:
     """Return what there is to say besides the sentence.
@@ -56,7 +56,7 @@ def remark_of(
     ----------
     verdict : of :func:`verdict_of`.
     contradicted : nominal parameters that the flights contradict.
-    shift : a shifted balance or unmeasured thrust; None without one.
+    unnamed_cause : a shifted balance or unmeasured thrust; None without one.
     off : channels without data, each with what to log.
 
     Returns
@@ -64,7 +64,7 @@ def remark_of(
     Why something is open and how to find out, what is contradicted, and what *nothing proven* does
     not cover.
     """
-    sentences = [shift.sentence()] if shift else []
+    sentences = [unnamed_cause.sentence()] if unnamed_cause else []
     sentences += [number.sentence() for number in contradicted]
     sentences += [silent_channels_words(off)] if verdict == "nothing_proven" else []
     return " ".join(s.strip() for s in sentences if s)

@@ -436,7 +436,7 @@ def rms_of(system: System) -> np.ndarray:
     return np.sqrt(square / np.maximum(count, 1.0)[:, None])
 
 
-def _prior_sds(system: System, rms: np.ndarray, share: float) -> np.ndarray:
+def _prior_sds_of_candidates(system: System, rms: np.ndarray, share: float) -> np.ndarray:
     """Return prior sd of every candidate's coefficient, (K,).
 
     It is the size at which the column makes ``share`` of the reference scale in its greatest
@@ -513,7 +513,7 @@ def whiten_system(system: System, noise: NoiseModel, like: Sequence[White] = ())
 
 
 def _prior(system: System, rms: np.ndarray) -> Prior:
-    sd = _prior_sds(system, rms, settings.evidence.prior_share)
+    sd = _prior_sds_of_candidates(system, rms, settings.evidence.prior_share)
     mean, low, high = np.array([_bounds(c) for c in system.columns]).T
     for k, column in enumerate(system.columns):
         if column.nuisance is not None:

@@ -218,7 +218,7 @@ def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
     return getattr(nominal, axis), nominal.sd_rel * getattr(nominal, axis)
 
 
-def _prior_sds(vehicle: Vehicle) -> dict[str, float]:
+def _prior_sds_of_file(vehicle: Vehicle) -> dict[str, float]:
     """Return prior sds by ``effect.parameter`` of the effects that correct numbers of the file.
 
     They are relative where the correction has no unit.
@@ -268,7 +268,7 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
             if "random" not in effect_table.get(name).hints
         },
         vehicle.ground(folder),
-        _prior_sds(vehicle),
+        _prior_sds_of_file(vehicle),
         # what the file does not state is the simulator's default, which no channel may stand on
         frozenset(name for name, given in optional_parts.items() if given is not None),
         # effects know one plane of all rotors: the widest of their sds
