@@ -102,7 +102,11 @@ def test_a_shift_whose_cause_is_open_is_told_towards_its_rotor():
         )
     ]
     shift = balance_shift(dataclasses.replace(system, flights=tuple(blind)))
-    assert shift is not None and shift.loss.rotor == shift.mass.rotor == 3 and shift.gained > 9.0
+    assert (
+        shift is not None
+        and shift.loss.rotor == shift.mass.rotor == 3
+        and shift.distance_explained > 9.0
+    )
     assert "A rotor 3 that lost 15 +-" in shift.sentence() and "near rotor 3" in shift.sentence()
 
 
@@ -193,7 +197,7 @@ def test_a_new_propeller_is_worth_what_a_healthy_balance_would_be():
     assert told["so_far_log_odds"] == pytest.approx(2.0) and "rotor 2" in told["preparation"]
 
 
-def test_the_chance_of_any_cause_is_that_of_draws():
+def test_the_p_value_of_any_cause_is_that_of_draws():
     """An upper bound, and near: Bonferroni's is half as much again."""
     balance = _balance_of(_system(np.zeros(4), sd=0.01, flight_sd=0.01))
     root = np.linalg.cholesky(balance.precision)
@@ -201,5 +205,5 @@ def test_the_chance_of_any_cause_is_that_of_draws():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     drawn = (np.random.default_rng(0).standard_normal((400_000, 4)) @ directions.T).max(axis=1)
     for sds in (2.5, 3.0):
-        chance = (drawn > sds).mean()
-        assert chance * 0.97 < balance.chance(sds) < 1.15 * chance
+        p_value = (drawn > sds).mean()
+        assert p_value * 0.97 < balance.p_value(sds) < 1.15 * p_value

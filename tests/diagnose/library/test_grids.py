@@ -140,7 +140,7 @@ def test_loads_hang_lie_and_are_drawn_on_threads_that_fit_the_flight():
     assert hubs == expected | {(0.0, 0.0)}
     drawn = {round(v.shape["length_m"], 6) for v in loads if "start_x_m" in v.shape}
     assert drawn == {round(math.hypot(1.0, k), 6) for k in (0.6, 1.2)}, "1 m over the ground"
-    untilted = dataclasses.replace(REACHED, attitude_logged=False)
+    untilted = dataclasses.replace(REACHED, attitude_derived=True)
     still = _variants("slung_load", untilted)
     assert all("start_x_m" in v.shape for v in still), "a swing shows in the tilt alone"
     high = dataclasses.replace(MODEL, terrain=Terrain.flat(0.5))

@@ -7,11 +7,11 @@ import pytest
 from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.align import (
     airborne,
-    attitude_measured,
     default_command_hold,
     gaps,
     grid_step_s,
     lifting,
+    no_attitude_derived,
     regrid,
     resting_m,
     thrust_over_usual,
@@ -195,8 +195,8 @@ def test_a_flight_knows_its_streams_and_what_was_left_out():
     assert flight.stack("position").shape == (400, 3)
     assert flight.steps(0.0025) == 4 and flight.steps(1.0) == 1
     assert flight.driven is flight.flying
-    assert attitude_measured([flight])
-    assert not attitude_measured([flight, flight.replace(derived=frozenset({"attitude"}))])
+    assert no_attitude_derived([flight])
+    assert not no_attitude_derived([flight, flight.replace(derived=frozenset({"attitude"}))])
 
 
 def test_a_command_that_may_be_held_is_late_by_the_mean_of_both_and_within_them():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from ges.conventions import POSITION
+from ges.diagnose.design.weak import block_windows
 from ges.diagnose.prepare.channels import FORCE, MOMENT, drive
 from ges.diagnose.prove.proof import prove
 from ges.diagnose.prove.verify import (
-    block_windows,
     channel_table,
     errors_elsewhere,
     finite_rollouts,

@@ -42,7 +42,7 @@ from ges.diagnose.estimate.joint import (
 )
 from ges.diagnose.locate.regimes import regimes_of, unresolved_variances, with_known_speeds
 from ges.diagnose.locate.structure import structures
-from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.align import Prepared, no_attitude_derived
 from ges.diagnose.prepare.gate import pass_gate, with_flown_voltage, with_stated_voltage
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import interval95
@@ -203,7 +203,7 @@ def _nominal_numbers(
     None without measured rates. The fit starts from the last values, and its prior stays at the
     file. What no file states, as a clock's delay, keeps its usual sd in later flights.
     """
-    if not attitude_measured(flights):
+    if not no_attitude_derived(flights):
         return {}
     last = {key: n.value for key, n in before.items()}
     # trims come from the slow balance: here they are free within their sd alone

@@ -18,7 +18,7 @@ from ges.diagnose.design.residual import (
 from ges.diagnose.design.weak import Windows
 from ges.diagnose.library.candidates import Variant, has_prerequisite
 from ges.diagnose.library.requirements import needs_attitude
-from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.align import Prepared, no_attitude_derived
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import SPEED, Model, block_of
@@ -173,7 +173,7 @@ def nuisances(
     listed = [
         nuisance_with_prior(f"{effect.name}.{p.name}", p.prior, model, flights)
         for effect in effect_table.table().values()
-        if attitude_measured(flights) or not needs_attitude(effect.name)
+        if no_attitude_derived(flights) or not needs_attitude(effect.name)
         if not effect.modifies or effect.modifies in model.effects
         for p in effect.of_rotors(model.n_rotors)
         if p.prior and set(p.prior.shows_in) & present and (voltage or not p.prior.with_voltage)

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array
 
+from ges.diagnose.settings import settings
+
 
 @dataclasses.dataclass(frozen=True)
 class Windows:
@@ -116,10 +118,20 @@ def blocks_of(flights: Sequence[tuple[Windows, float]], length_s: float) -> list
     """
     blocks, first = [], 0
     for windows, start_s in flights:
-        number = ((windows.center_s - start_s) // length_s).astype(int) + first
-        blocks.append(number)
-        first = int(number.max(initial=first)) + 1
+        block = ((windows.center_s - start_s) // length_s).astype(int) + first
+        blocks.append(block)
+        first = int(block.max(initial=first)) + 1
     return blocks
+
+
+def block_windows(spacing_s: float) -> int:
+    """Return the number of windows in a block of time.
+
+    Parameters
+    ----------
+    spacing_s : of the windows.
+    """
+    return max(1, int(round(settings.statistics.block_s / spacing_s)))
 
 
 def bump(half: int, step_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,8 @@ from scipy.special import expit, ndtr, owens_t
 from ges.conventions import MAX_ROTORS, SDS_95, rotor_columns
 from ges.diagnose.design.columns import nuisance_of
 from ges.diagnose.design.system import System
-from ges.diagnose.prepare.align import attitude_measured
+from ges.diagnose.design.weak import block_windows
+from ges.diagnose.prepare.align import no_attitude_derived
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
 from ges.diagnose.types.finding import Finding, FittedParameter, interval95
@@ -60,15 +61,14 @@ def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
     Parameters
     ----------
     system : of the flights.
-    channels : numbers of c channels.
+    channels : indices of c channels.
 
     Returns
     -------
     (c,) mean over the flights, in the squared units of the channels.
     """
-    block_s = settings.statistics.block_s
     # windows stand half a length apart
-    block = max(1, int(round(2.0 * block_s / system.flights[0].windows.length_s)))
+    block = block_windows(0.5 * system.flights[0].windows.length_s)
     return np.nanmean(
         [[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights], axis=0
     )
@@ -119,29 +119,29 @@ class Shift:
     swing_seen: bool
 
     @property
-    def gained(self) -> float:
+    def distance_explained(self) -> float:
         """Squared distance that the better cause explains, in sd^2."""
         return max(self.loss.distance_explained, self.mass.distance_explained)
 
     def sentence(self) -> str:
         """Return what shifted, what would explain it, and how to find out."""
-        away = self.gained**0.5
-        lead = self.loss.distance_explained - self.mass.distance_explained
+        away = self.distance_explained**0.5
+        loss_lead = self.loss.distance_explained - self.mass.distance_explained
         certain = settings.statistics.certain_probability
         least = np.log(certain / (1.0 - certain))
-        odds = np.exp(min(0.5 * abs(lead), least))
-        odds_words = ("" if 0.5 * abs(lead) < least else "more than ") + f"{odds:.0f}:1"
-        likelier = "the loss" if lead > 0.0 else "the mass"
+        odds = np.exp(min(0.5 * abs(loss_lead), least))
+        odds_words = ("" if 0.5 * abs(loss_lead) < least else "more than ") + f"{odds:.0f}:1"
+        likelier = "the loss" if loss_lead > 0.0 else "the mass"
         loss_words = f"{100 * self.loss.value:.0f} +- {100 * SDS_95 * self.loss.sd:.0f} %"
         mass_words = f"{1e3 * self.mass.value:.2f} +- {1e3 * SDS_95 * self.mass.sd:.2f} g"
-        i = self.loss.rotor
+        rotor = self.loss.rotor
         return (
             "Since the calibration the balance of thrust and moments has moved,"
-            f" {away:.1f} sd beyond what healthy flights do among themselves. A rotor {i} that lost"
-            f" {loss_words} of its thrust or {mass_words} {self.mass.where} (fixed or hanging)"
+            f" {away:.1f} sd beyond what healthy flights do among themselves. A rotor {rotor} that"
+            f" lost {loss_words} of its thrust or {mass_words} {self.mass.where} (fixed or hanging)"
             f" would do it, with odds {odds_words} for {likelier}. Weigh the vehicle, or fly the"
-            f" same with a new propeller {i}: the shift then goes if the propeller was the cause,"
-            " and stays if a mass is."
+            f" same with a new propeller {rotor}: the shift then goes if the propeller was the"
+            " cause, and stays if a mass is."
         )
 
     def next_flight(self) -> dict:
@@ -151,7 +151,7 @@ class Shift:
             "preparation": f"a new propeller on rotor {self.loss.rotor}",
             "separates": ["+".join(changes) for changes in self._changes()],
             "stays_open": [],
-            "expected_log_odds": 0.5 * self.gained,
+            "expected_log_odds": 0.5 * self.distance_explained,
             "so_far_log_odds": 0.5
             * abs(self.loss.distance_explained - self.mass.distance_explained),
         }
@@ -207,19 +207,17 @@ class Shift:
     def _changes(self) -> tuple[_Changes, _Changes]:
         """Return start and change per unit of the loss and of the mass, by effect and parameter."""
         model, rotor, hub = self.system.model, self.loss.rotor, self.mass.rotor
-        # a kilogram at a hub moves the centre of gravity by the hub's place over the mass,
-        # and thrust carries as much more: a thrust scale of minus one over the mass
-        per_kg = 1.0 / model.number("mass_kg")
+        per_kg, by_mass = 1.0 / model.number("mass_kg"), _changes_by_mass(hub, model)
         start = {
             key: model.effects.get(effect, {}).get(parameter, 0.0)
             for key in (*losses_of(model), *MASS)
             for effect, parameter in [ParameterKey.of(key)]
         }
         moved = {
-            f"{a}_m": (start[f"cg_offset.{a}_m"], per_kg * model.number(f"rotor_{hub}_{a}_m"))
+            f"{a}_m": (start[f"cg_offset.{a}_m"], per_kg * by_mass[f"cg_offset.{a}_m"])
             for a in ("xy" if hub else "")
         }
-        heavier = {"thrust_scale": {"scale": (start[MASS[2]], -per_kg)}}
+        heavier = {"thrust_scale": {"scale": (start[MASS[2]], per_kg * by_mass[MASS[2]])}}
         return (
             {"weak_rotor": {f"loss_{rotor}": (start[LOSSES[rotor - 1]], 1.0)}},
             {"cg_offset": moved, **heavier} if moved else heavier,
@@ -233,7 +231,10 @@ def _as_finding(
     cause: Cause,
     is_open: bool,
 ) -> Finding:
-    """Return a cause as a finding; parameters as start and change per unit of its value."""
+    """Return a cause as a finding.
+
+    Parameters are given as start and change per unit of the cause's value.
+    """
     units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates = {}
     for key, (start, per) in parameters.items():
@@ -243,7 +244,7 @@ def _as_finding(
     return Finding.of(name, float(probability), estimates, is_open=is_open)
 
 
-def _states_balance(system: System, column: Mapping[str, int]) -> bool:
+def _states_gains(system: System, column: Mapping[str, int]) -> bool:
     """Return whether a calibrated file states how far every motor's gain may be off."""
     gains = "weak_rotor" in system.model.effects and {*losses_of(system.model), *MASS} <= set(
         column
@@ -252,7 +253,10 @@ def _states_balance(system: System, column: Mapping[str, int]) -> bool:
 
 
 def without_mean_balance(residuals: Sequence[np.ndarray], system: System) -> list[np.ndarray]:
-    """Subtract the mean balance over all flights where :func:`balance_shift` judges it.
+    """Subtract the mean over all flights from the channels of thrust and moments.
+
+    Only with a calibrated file: there :func:`balance_shift` decides on that mean, and it is no
+    structure of a regime.
 
     Parameters
     ----------
@@ -263,11 +267,11 @@ def without_mean_balance(residuals: Sequence[np.ndarray], system: System) -> lis
     -------
     By flight, (m, C).
     """
-    if not _states_balance(system, system.nuisances):
+    if not _states_gains(system, system.nuisances):
         return list(residuals)
-    slow = [system.main.index(c) for c in CHANNELS]
+    balance_channels = [system.main.index(c) for c in CHANNELS]
     mean = np.zeros(len(system.main))
-    mean[slow] = np.nanmean(np.concatenate(residuals)[:, slow], axis=0)
+    mean[balance_channels] = np.nanmean(np.concatenate(residuals)[:, balance_channels], axis=0)
     return [rows - mean for rows in residuals]
 
 
@@ -291,9 +295,14 @@ def causes_of(system: System) -> list[tuple[Cause, Cause]]:
 
 @dataclasses.dataclass(frozen=True)
 class _Balance:
-    """Mean balance y (4,) with its precision (4, 4), and its change per unit of each cause.
+    """Mean residual of thrust and moments, and what each cause would change.
 
-    Losses are those of each rotor; masses are at each hub and last at the centre.
+    Attributes
+    ----------
+    y : (4,) mean residual, N and N m.
+    precision : (4, 4) of it.
+    losses : change (4,) per unit of the loss of each rotor.
+    masses : change (4,) per kilogram at each hub, and last at the centre.
     """
 
     y: np.ndarray
@@ -302,36 +311,41 @@ class _Balance:
     masses: tuple[np.ndarray, ...]
 
     def causes(self, directions: Sequence[np.ndarray]) -> list[Cause]:
-        """Estimate each cause as if it alone acted; the one behind those of the rotors has no."""
-        rotors = [i % (len(self.losses) + 1) for i in range(1, len(directions) + 1)]
+        """Estimate each cause as if it alone acted.
+
+        Directions are by rotor; a last one more is the centre, rotor 0.
+        """
+        rotors = (*range(1, len(self.losses) + 1), 0)
         return [
-            _estimate_cause(self.y, d, self.precision, i)
-            for i, d in zip(rotors, directions, strict=True)
+            _estimate_cause(self.y, d, self.precision, rotor)
+            for rotor, d in zip(rotors, directions, strict=False)
         ]
 
-    def chance(self, sds: float) -> float:
-        """Return the chance that noise makes any cause as large as this, at most.
+    def p_value(self, sds: float) -> float:
+        """Return the probability that noise makes any cause as large as this, at most.
 
-        Causes are alike, and so Bonferroni's sum counts most chances twice. What both of a pair
-        take is taken off along a spanning tree (Worsley 1982, Biometrika 69, 297).
+        Causes are alike, and so Bonferroni's sum counts most of the probability twice. What both of
+        a pair take is taken off along a spanning tree (Worsley 1982, Biometrika 69, 297).
         """
         root = np.linalg.cholesky(self.precision)
         white = np.array([root.T @ d for d in (*self.losses, *self.masses)])
         white /= np.linalg.norm(white, axis=1, keepdims=True)
-        alike = np.clip(white @ white.T, -1.0 + settings.numerics.small, 1.0)
-        # chance that two Gaussians of this correlation are both beyond (Owen 1956)
-        both = ndtr(-sds) - 2.0 * owens_t(sds, np.sqrt((1.0 - alike) / (1.0 + alike)))
+        correlation = np.clip(white @ white.T, -1.0 + settings.numerics.small, 1.0)
+        # probability that two Gaussians of this correlation are both beyond (Owen 1956)
+        ratio = (1.0 - correlation) / (1.0 + correlation)
+        both = ndtr(-sds) - 2.0 * owens_t(sds, np.sqrt(ratio))
         return float(len(white) * ndtr(-sds) + minimum_spanning_tree(-np.triu(both, 1)).sum())
 
 
 def _balance_of(system: System) -> _Balance | None:
     """Return the mean balance; None without a calibrated file."""
     column, model = system.nuisances, system.model
-    if not _states_balance(system, column):
+    if not _states_gains(system, column):
         return None
     y, x, precision = _mean_balance(system, [*losses_of(model), *MASS], column)
     losses = tuple(x[key] for key in losses_of(model))
-    masses = tuple(_mass_direction(x, i, system) for i in (*range(1, len(losses) + 1), 0))
+    rotors = (*range(1, len(losses) + 1), 0)
+    masses = tuple(_residual_per_kg(x, rotor, system) for rotor in rotors)
     return _Balance(y, precision, losses, masses)
 
 
@@ -353,27 +367,25 @@ def balance_shift(system: System) -> Shift | None:
         max(balance.causes(directions), key=lambda cause: cause.distance_explained)
         for directions in (balance.losses, balance.masses)
     )
-    shift = Shift(system, loss, mass, attitude_measured([r.flight for r in system.flights]))
-    chance = balance.chance(shift.gained**0.5)
-    return shift if chance < settings.statistics.chance else None
+    shift = Shift(system, loss, mass, no_attitude_derived([r.flight for r in system.flights]))
+    p_value = balance.p_value(shift.distance_explained**0.5)
+    return shift if p_value < settings.statistics.chance else None
 
 
 def _mean_balance(
     system: System, keys: Sequence[str], column: dict[str, int]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Return mean residuals (4,), mean columns by key (4,), and an inverse covariance.
-
-    It is the covariance of the residuals.
+    """Return mean residuals (4,), mean columns by key (4,), and the residuals' precision (4, 4).
 
     Prior sds of the file count as noise, that of the cant of the rotors among them.
     """
     keys = [*keys, *({CANT} & set(column))]
-    slow, count = [system.names.index(c) for c in CHANNELS], len(system.flights)
-    y = np.mean([r.in_air(slow).mean(axis=0) for r in system.flights], axis=0)
-    means = np.mean(
-        [r.mean_columns(slow, [column[key] for key in keys]) for r in system.flights], axis=0
-    )
-    x, variance = dict(zip(keys, means.T, strict=True)), variance_of_means(system, slow) / count
+    balance_channels, count = [system.names.index(c) for c in CHANNELS], len(system.flights)
+    y = np.mean([r.in_air(balance_channels).mean(axis=0) for r in system.flights], axis=0)
+    columns = [column[key] for key in keys]
+    means = np.mean([r.mean_columns(balance_channels, columns) for r in system.flights], axis=0)
+    x = dict(zip(keys, means.T, strict=True))
+    variance = variance_of_means(system, balance_channels) / count
     # prior sds are noise of the mean; what differs from flight to flight averages out over them
     covariance = np.diag(variance)
     for key in keys:
@@ -382,19 +394,33 @@ def _mean_balance(
     return y, x, np.linalg.inv(covariance)
 
 
-def _mass_direction(x: dict[str, np.ndarray], i: int, system: System) -> np.ndarray:
-    """Return change of the residual per kilogram at one hub, or at the centre (0), (4,).
+def _changes_by_mass(rotor: int, model: Model) -> dict[str, float]:
+    """Return the changes of :data:`MASS` by a load at a hub, over its share of the vehicle's mass.
 
-    The centre of gravity moves, and the thrust is less for the weight.
+    The centre of gravity moves by the hub's place times that share. To the thrust it is a scale
+    that is lower by the share. Rotor 0 is the centre.
     """
-    hub = [system.model.number(f"rotor_{i}_{a}_m") if i else 0.0 for a in "xy"]
-    return (hub[0] * x[MASS[0]] + hub[1] * x[MASS[1]] - x[MASS[2]]) / system.model.number("mass_kg")
+    x_m, y_m = (model.number(f"rotor_{rotor}_{a}_m") if rotor else 0.0 for a in "xy")
+    return dict(zip(MASS, (x_m, y_m, -1.0), strict=True))
+
+
+def _residual_per_kg(columns: Mapping[str, np.ndarray], rotor: int, system: System) -> np.ndarray:
+    """Return the change of the mean residual per kilogram at a hub, (4,), N/kg and N m/kg.
+
+    The columns (4,) are by key; rotor 0 is the centre.
+    """
+    changes = _changes_by_mass(rotor, system.model)
+    x, y, scale = (change * columns[key] for key, change in changes.items())
+    return (x + y + scale) / system.model.number("mass_kg")
 
 
 def _estimate_cause(
     y: np.ndarray, direction: np.ndarray, precision: np.ndarray, rotor: int
 ) -> Cause:
-    """Return generalised least squares of one cause; a value below zero explains nothing."""
+    """Return the generalised least squares estimate of one cause.
+
+    A value below zero explains nothing.
+    """
     information = float(direction @ precision @ direction)
     value = float(direction @ precision @ y) / information
     return Cause(rotor, value, information**-0.5, value**2 * information if value > 0 else 0.0)

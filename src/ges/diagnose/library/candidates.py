@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.align import Prepared, no_attitude_derived
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -148,7 +148,7 @@ class FlightEnvelope:
     commands : high quantiles of the commands in the air, 0 to 1; empty where none were logged.
     largest_commands : the largest command in the air, and including take-offs.
     fastest_rad_s : fastest logged rotor speed; 0 where none was logged.
-    attitude_logged : whether every flight logged its attitude.
+    attitude_derived : whether some flight's attitude was derived from its acceleration.
     """
 
     low_m: tuple[float, ...] | None = None
@@ -159,7 +159,7 @@ class FlightEnvelope:
     commands: tuple[float, ...] = ()
     largest_commands: tuple[float, float] = (0.0, 0.0)
     fastest_rad_s: float = 0.0
-    attitude_logged: bool = True
+    attitude_derived: bool = False
 
 
 def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvelope:
@@ -171,7 +171,7 @@ def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvel
     radius_m : rotor radius; squares of the ground plan are at least twice as wide.
     """
     levels, most = _command_levels(flights)
-    attitude_logged = attitude_measured(flights)
+    attitude_derived = not no_attitude_derived(flights)
     turned = [float(f.stack("rotor_speed").max()) for f in flights if f.has("rotor_speed")]
     fastest = max(turned, default=0.0)
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
@@ -180,7 +180,7 @@ def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvel
             commands=levels,
             largest_commands=most,
             fastest_rad_s=fastest,
-            attitude_logged=attitude_logged,
+            attitude_derived=attitude_derived,
         )
     p = np.concatenate(positions)
     places, square = _visited_squares(p[:, :2], 2.0 * radius_m)
@@ -193,7 +193,7 @@ def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvel
         levels,
         most,
         fastest,
-        attitude_logged,
+        attitude_derived,
     )
 
 

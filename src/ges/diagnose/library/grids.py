@@ -345,7 +345,7 @@ def _hanging(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
     """Return variants hanging freely below the middle, where a logged attitude shows a swing."""
-    return _grid(effect, search, model, envelope) if envelope.attitude_logged else ()
+    return () if envelope.attitude_derived else _grid(effect, search, model, envelope)
 
 
 def _lying(
@@ -376,7 +376,7 @@ def _at_hubs(
     effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
 ) -> tuple[Variant, ...]:
     """Return variants hanging freely below each rotor."""
-    return _at_places(effect, search, _hubs(model)) if envelope.attitude_logged else ()
+    return () if envelope.attitude_derived else _at_places(effect, search, _hubs(model))
 
 
 def _on_body(

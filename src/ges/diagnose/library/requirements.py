@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from ges.conventions import SPECIFIC_FORCE
 from ges.diagnose.library.candidates import Candidate, flight_envelope
 from ges.diagnose.library.grids import library
-from ges.diagnose.prepare.align import Prepared, attitude_measured
+from ges.diagnose.prepare.align import Prepared, no_attitude_derived
 from ges.diagnose.prepare.channels import FORCE, channels
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
@@ -49,7 +49,7 @@ VOLTAGE = (
 )
 REQUIREMENTS: Mapping[str, Requirement] = {
     "attitude": Requirement(
-        lambda flights, model: attitude_measured(flights), "needs a measured attitude"
+        lambda flights, model: no_attitude_derived(flights), "needs a measured attitude"
     ),
     "height": Requirement(
         lambda flights, model: all("p_z_m" in f.columns or f.has("range") for f in flights),

@@ -206,12 +206,12 @@ class Prepared:
         return dataclasses.replace(self, **changes)
 
 
-def attitude_measured(flights: Sequence[Prepared]) -> bool:
-    """Return whether every flight logged its attitude.
+def no_attitude_derived(flights: Sequence[Prepared]) -> bool:
+    """Return whether no flight's attitude was derived from its acceleration.
 
     Parameters
     ----------
-    flights : prepared recordings; an attitude that was derived does not count.
+    flights : prepared recordings. One without any attitude derives none.
     """
     return not any("attitude" in f.derived for f in flights)
 

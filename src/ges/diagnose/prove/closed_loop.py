@@ -16,10 +16,10 @@ import numpy as np
 
 from ges.conventions import POSITION, command, rotor_speed, rotors_in
 from ges.diagnose.design.instruments import replay_references
-from ges.diagnose.design.weak import Windows, make_windows
+from ges.diagnose.design.weak import Windows, block_windows, make_windows
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.kinematics import to_body
-from ges.diagnose.prove.verify import block_windows, stages_row
+from ges.diagnose.prove.verify import stages_row
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ges.conventions import POSITION, QUANTILES_95, VELOCITY
 from ges.diagnose.design.residual import residual
-from ges.diagnose.design.weak import make_windows
+from ges.diagnose.design.weak import block_windows, make_windows
 from ges.diagnose.estimate.shoot import can_roll_out, fly_rollouts
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, least_rms_in, unit_of
@@ -110,16 +110,6 @@ def stages_row(by_stage: Mapping[str, Sequence[np.ndarray]], block: int) -> dict
     """
     interval = reduction_ci95(by_stage["recalibrated"], by_stage["after"], block)
     return {**{stage: rms(each) for stage, each in by_stage.items()}, "reduction_ci95": interval}
-
-
-def block_windows(spacing_s: float) -> int:
-    """Return the number of windows in a block of time.
-
-    Parameters
-    ----------
-    spacing_s : of the windows.
-    """
-    return max(1, int(round(settings.statistics.block_s / spacing_s)))
 
 
 def channel_table(
