@@ -116,7 +116,7 @@ def test_gusts_are_told_by_the_rms_of_their_push_and_more_of_them_by_more():
     for strength, gusts in found.items():
         push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * strength * np.sqrt(2.0)
         assert 0.3 * push_N < gusts.force_N < 1.3 * push_N
-        assert gusts.chance < 1e-6 and gusts.ci95[0] < gusts.strength_m_s < gusts.ci95[1]
+        assert gusts.p_value < 1e-6 and gusts.ci95[0] < gusts.strength_m_s < gusts.ci95[1]
     assert found[2.0].strength_m_s == pytest.approx(2.0 * found[1.0].strength_m_s, rel=0.1)
     assert found[2.0].force_N == pytest.approx(2.0 * found[1.0].force_N, rel=0.1)
 
@@ -126,7 +126,7 @@ def test_gusts_of_a_second_are_told(slow_s):
     """Over blocks of five seconds they average out."""
     push_N = DRAG_KG * 4.0 * MODEL.hover_rad_s * 2.0 * np.sqrt(2.0)
     gusts = find_gusts(_wind_and_its_drag(2.0, slow_s), JOINT)
-    assert gusts.chance < 1e-6 and 0.5 * push_N < gusts.force_N < 1.1 * push_N
+    assert gusts.p_value < 1e-6 and 0.5 * push_N < gusts.force_N < 1.1 * push_N
 
 
 @pytest.mark.parametrize(

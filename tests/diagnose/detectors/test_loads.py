@@ -94,7 +94,6 @@ def test_another_thread_gets_taut_at_the_same_place(behind_m, ahead_m, other_m):
     told = load.with_thread(other_m)
     assert told.behind_m == other_m
     assert told.ahead_m + told.behind_m == pytest.approx(load.ahead_m + load.behind_m)
-    assert load.with_place(0.3) == DraggedLoad(behind_m, 0.3)
 
 
 def test_the_way_out_is_to_where_half_of_it_is_gone():

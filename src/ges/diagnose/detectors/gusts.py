@@ -53,10 +53,10 @@ class Gusts:
     ----------
     strength_m_s : parameter of the compiled effect.
     relative_sd : relative standard deviation of the strength.
+    mean_wind_sd_m_s : sd of the mean wind of a flight.
     force_N : their rms force.
     weight_N : of the vehicle.
-    mean_wind_sd_m_s : sd of the mean wind of a flight.
-    chance : probability that noise alone scatters so.
+    p_value : probability that noise alone scatters so.
     """
 
     strength_m_s: float
@@ -64,7 +64,7 @@ class Gusts:
     mean_wind_sd_m_s: float
     force_N: float
     weight_N: float
-    chance: float
+    p_value: float
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -98,7 +98,7 @@ class Gusts:
             "channel": FORCE[0],
         }
         return Finding.of(
-            "gusts", calibrated_probability(1.0 - self.chance), {STRENGTH: value}, size
+            "gusts", calibrated_probability(1.0 - self.p_value), {STRENGTH: value}, size
         )
 
 
@@ -179,22 +179,25 @@ class _Stretches:
 
     Attributes
     ----------
-    windows : of every stretch, numbered among those of all flights.
-    parts : shorter means in a stretch.
+    windows : of every stretch, as indices among those of all flights.
+    submeans : number of shorter means in a stretch.
     """
 
     windows: Sequence[np.ndarray]
-    parts: int
+    submeans: int
 
     def means(self, wind: np.ndarray) -> np.ndarray:
         """Return the mean wind (M, 2) of every stretch, (s, 2)."""
         return np.array([wind[at].mean(axis=0) for at in self.windows])
 
-    def noise(self, wind: np.ndarray) -> float:
+    def noise_variance(self, wind: np.ndarray) -> float:
         """Return the variance of such a mean, from the scatter of shorter means."""
         shorter = [
             np.array(
-                [wind[part].mean(axis=0) for part in np.array_split(at, min(self.parts, len(at)))]
+                [
+                    wind[some].mean(axis=0)
+                    for some in np.array_split(at, min(self.submeans, len(at)))
+                ]
             )
             for at in self.windows
         ]
@@ -209,14 +212,15 @@ class _Excess:
     Attributes
     ----------
     stretches : of one length.
-    slow, noise : variance of the means, and what the noise makes of it.
-    chance : probability that noise alone scatters so.
+    variance_of_means : of the stretches, m^2/s^2.
+    noise_variance : what the noise makes of it.
+    p_value : probability that noise alone scatters so.
     """
 
     stretches: _Stretches
-    slow: float
-    noise: float
-    chance: float
+    variance_of_means: float
+    noise_variance: float
+    p_value: float
 
 
 def shows_moving_air(effects: effect_table.Effects) -> bool:
@@ -258,8 +262,8 @@ def find_gusts(
     excesses = [excess for excess in on_each if excess]
     if not excesses:
         return None
-    # of several scales the one on which they stand out most
-    clearest = max(excesses, key=lambda excess: excess.slow / excess.noise)
+    # of several lengths the one on which they stand out most
+    clearest = max(excesses, key=lambda e: e.variance_of_means / e.noise_variance)
     gusts = _gusts_of_excess(clearest, equivalent, forces, system.model)
     # no news unless clearly stronger than the gusts that are known already
     expected = (
@@ -282,13 +286,13 @@ def _stretch_lengths_s(forces: Sequence[_ForceWindows]) -> list[float]:
     """Return lengths of stretches, halved from blocks of time down to tenths of a window's step."""
     length_s, spacing_s = settings.statistics.block_s, 0.5 * forces[0].rows.windows.length_s
     lengths_s = []
-    while length_s >= _parts() * spacing_s:
+    while length_s >= _submeans() * spacing_s:
         lengths_s.append(length_s)
         length_s *= 0.5
     return lengths_s
 
 
-def _parts() -> int:
+def _submeans() -> int:
     """Return the number of shorter means in a stretch."""
     return round(settings.statistics.block_s / settings.design.response_slowest_s)
 
@@ -298,32 +302,34 @@ def _excess_on(
     forces: Sequence[_ForceWindows],
     wind: np.ndarray,
     axial: np.ndarray,
-    scales: int,
+    lengths_tried: int,
 ) -> _Excess | None:
-    """Return how much wind (M, 2) scatters on stretches of this length.
+    """Return the excess scatter of wind (M, 2), m/s, over stretches of this length.
 
-    None where it is noise, or scatters no more than the ``axial`` push, (M,).
+    None where an F test puts it down to noise, or to as much scatter along thrust, ``axial`` (M,).
+    Its level is ``statistics.chance``, by Bonferroni over the lengths.
     """
-    first = np.cumsum([0, *(len(f.at) for f in forces)])
-    windows = [
-        k + part for k, f in zip(first, forces, strict=False) for part in _stretches(f, length_s)
-    ]
+    first = np.cumsum([0, *(len(f.at) for f in forces[:-1])])
+    windows = [k + at for k, f in zip(first, forces, strict=True) for at in _stretches(f, length_s)]
     if not windows:
         return None
-    stretches = _Stretches(windows, _parts())
-    slow, noise = float(np.mean(stretches.means(wind) ** 2)), stretches.noise(wind)
-    if slow < settings.detect.gust_variance_ratio * noise:
+    stretches = _Stretches(windows, _submeans())
+    variance_of_means = float(np.mean(stretches.means(wind) ** 2))
+    noise_variance = stretches.noise_variance(wind)
+    if variance_of_means < settings.detect.gust_variance_ratio * noise_variance:
         return None
-    # F test: two axes of every stretch against what its shorter means have about their own mean
-    count = 2 * len(windows)
-    chance = float(fdtrc(count, count * (stretches.parts - 1.0), slow / noise))
+    # two axes of every stretch against what its shorter means have about their own mean
+    freedom, ratio = 2 * len(windows), variance_of_means / noise_variance
+    p_value = float(fdtrc(freedom, freedom * (stretches.submeans - 1.0), ratio))
     # and against the one axis along thrust
-    axial_slow = float(np.mean(stretches.means(axial) ** 2))
-    if axial_slow > 0.0:
-        chance = max(chance, float(fdtrc(count, len(windows), slow / axial_slow)))
-    # Bonferroni over the scales
-    chance = min(1.0, chance * scales)
-    return _Excess(stretches, slow, noise, chance) if chance <= settings.statistics.chance else None
+    axial_variance = float(np.mean(stretches.means(axial) ** 2))
+    if axial_variance > 0.0:
+        ratio = variance_of_means / axial_variance
+        p_value = max(p_value, float(fdtrc(freedom, len(windows), ratio)))
+    p_value = min(1.0, p_value * lengths_tried)
+    if p_value > settings.statistics.chance:
+        return None
+    return _Excess(stretches, variance_of_means, noise_variance, p_value)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -384,8 +390,8 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     # weight
     tilt = effect_table.get("attitude_bias").parameters[0].prior
     trim_N = (tilt.sd if tilt else 0.0) * model.weight_N
-    parts = [_regressors(f, model, i, len(forces)) for i, f in enumerate(forces)]
-    regressors, trims = np.concatenate(parts), 2 * len(forces)
+    by_flight = [_regressors(f, model, i, len(forces)) for i, f in enumerate(forces)]
+    regressors, trims = np.concatenate(by_flight), 2 * len(forces)
     free = np.zeros(regressors.shape[2] - trims)
     return _EquivalentWind(
         np.concatenate([f.wind for f in forces]),
@@ -394,20 +400,21 @@ def _equivalent_wind(forces: Sequence[_ForceWindows], model: Model) -> _Equivale
     )
 
 
-def _regressors(forces: _ForceWindows, model: Model, number: int, flights: int) -> np.ndarray:
-    """Return regressors of one flight, (m, 2, 18 + 2 flights).
+def _regressors(forces: _ForceWindows, model: Model, index: int, flights: int) -> np.ndarray:
+    """Return regressors of the flight of this index, (m, 2, 18 + 2 flights).
 
     They are a steady wind, its log-height profile, errors of the drag's form and a trim of each
-    flight. A drag along an axis of the body goes with the air's speed there, times some function of
-    how fast it is: powers of a half and of one across thrust, of one in all, of that axis alone,
-    and of the climb. The area that a flat body shows grows with the square of the climb's share.
+    flight. A drag along an axis of the body goes with the air's speed there, times a factor.
+    Factors are the speed across thrust and its root, the whole speed, that of the axis alone, and
+    the climb. The last is for the area that a flat body shows: it grows with the square of the
+    climb's share.
     """
     at, flight = forces.rows.windows.center[forces.at], forces.rows.flight
     axes = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     # a unit force along each body axis, as the wind that would push so
     push = np.linalg.inv(forces.force_per_wind)
     trims = np.zeros((len(at), 2, 2 * flights))
-    trims[:, :, 2 * number : 2 * number + 2] = push
+    trims[:, :, 2 * index : 2 * index + 2] = push
     speed = _air_speed(flight, model)[at]
     sideways, whole = (np.linalg.norm(speed[:, :k], axis=1, keepdims=True) for k in (2, 3))
     of_form = [push * speed[:, None, :2]]
@@ -436,16 +443,15 @@ def _air_speed(flight: Prepared, model: Model) -> np.ndarray:
 
 
 def _stretches(forces: _ForceWindows, length_s: float) -> list[np.ndarray]:
-    """Return windows of every stretch of one flight, numbered among those in use.
+    """Return windows of every stretch of one flight, as indices among those in use.
 
     None is shorter than half of a full one.
     """
     windows = forces.rows.windows
-    number = ((windows.center_s[forces.at] - windows.center_s[forces.at[0]]) // length_s).astype(
-        int
-    )
-    parts = [np.flatnonzero(number == k) for k in np.unique(number)]
-    return [part for part in parts if len(part) >= length_s / windows.length_s]
+    since_first_s = windows.center_s[forces.at] - windows.center_s[forces.at[0]]
+    stretch = (since_first_s // length_s).astype(int)
+    stretches = [np.flatnonzero(stretch == k) for k in np.unique(stretch)]
+    return [at for at in stretches if len(at) >= length_s / windows.length_s]
 
 
 def _gusts_of_excess(
@@ -457,28 +463,28 @@ def _gusts_of_excess(
     variances = np.array(
         [np.mean(excess.stretches.means(equivalent.without_regressors(w)) ** 2) for w in winds]
     )
-    variance = excess.slow - excess.noise
+    variance = excess.variance_of_means - excess.noise_variance
     # wind goes with the strength, its variance with the square: hence a root, and half the error
     strength = float(np.sqrt(variance / variances.mean()))
     # both axes blow independently: squares of what each pushes add up
     push_2 = np.concatenate([(f.force_per_wind**2).sum(axis=2) for f in forces]).mean()
     unit_means = [wind.mean(axis=0) for draws in by_flight for wind in draws]
     return Gusts(
-        strength,
-        0.5 * float(variances.std() / variances.mean()),
-        strength * float(np.sqrt(np.mean(np.square(unit_means)))),
-        float(np.sqrt(variance * push_2)),
-        model.weight_N,
-        excess.chance,
+        strength_m_s=strength,
+        relative_sd=0.5 * float(variances.std() / variances.mean()),
+        mean_wind_sd_m_s=strength * float(np.sqrt(np.mean(np.square(unit_means)))),
+        force_N=float(np.sqrt(variance * push_2)),
+        weight_N=model.weight_N,
+        p_value=excess.p_value,
     )
 
 
-def _unit_gust_winds(forces: _ForceWindows, model: Model, number: int) -> list[np.ndarray]:
-    """Return winds (m, 2) of compiled gusts of unit strength along one flight, by draw."""
+def _unit_gust_winds(forces: _ForceWindows, model: Model, index: int) -> list[np.ndarray]:
+    """Return winds (m, 2) of compiled gusts of unit strength along the flight of this index."""
     samples = effect_table.Samples.from_columns(motion_of(forces.rows.flight, model, {}).columns)
     # no two flights share a draw: their gusts are independent
     draws = settings.detect.gust_draws
-    sets = [{"gusts": {STRENGTH: 1.0, "seed": float(draws * number + k)}} for k in range(draws)]
+    sets = [{"gusts": {STRENGTH: 1.0, "seed": float(draws * index + k)}} for k in range(draws)]
     outputs = effect_table.replay_each(
         model.parameters, samples, sets, model.terrain, wanted=WIND_M_S
     )

@@ -52,15 +52,6 @@ class DraggedLoad:
         """
         return DraggedLoad(behind_m, self.ahead_m + self.behind_m - behind_m)
 
-    def with_place(self, ahead_m: float) -> DraggedLoad:
-        """Return it from another first place.
-
-        Parameters
-        ----------
-        ahead_m : of the other place.
-        """
-        return DraggedLoad(self.behind_m, ahead_m)
-
 
 def probable_load(regression: Regression, result: SearchResult) -> Variant | None:
     """Return the load of the best set that has one.
@@ -80,23 +71,24 @@ def probable_load(regression: Regression, result: SearchResult) -> Variant | Non
     return next(v for v in variants if v.effect == LOAD)
 
 
-def refine_load(like: System, variant: Variant) -> Variant:
+def refine_load(system: System, variant: Variant) -> Variant:
     """Refine the thread of a load, and the first place of a dragged one.
 
     Parameters
     ----------
-    like : a system of the flights.
+    system : of the flights.
     variant : of ``slung_load``; where it is attached stays.
 
     Returns
     -------
     The variant with most evidence.
     """
-    fine = _refine_dragged if set(START) <= variant.shape.keys() else _refine_hanging
-    return fine(like, variant)
+    refine = _refine_dragged if set(START) <= variant.shape.keys() else _refine_hanging
+    return refine(system, variant)
 
 
-def _refine_hanging(like: System, variant: Variant) -> Variant:
+def _refine_hanging(system: System, variant: Variant) -> Variant:
+    """Return the hanging load's variant of most evidence, by two grids of the thread's length."""
     best, span, levels = variant, _coarse_step(variant), settings.detect.load_levels
     # as far as the next of the coarse grid; the second grid spans one step of the first
     for _ in range(2):
@@ -107,7 +99,7 @@ def _refine_hanging(like: System, variant: Variant) -> Variant:
             dataclasses.replace(variant, shape={**variant.shape, "length_m": float(length)})
             for length in lengths
         ]
-        best = tried[_most_probable(like, tried)]
+        best = tried[_most_probable(system, tried)]
     return best
 
 
@@ -124,30 +116,35 @@ def _coarse_step(variant: Variant) -> float:
     return float((near[1:] / near[:-1]).max())
 
 
-def _refine_dragged(like: System, variant: Variant) -> Variant:
-    flights = like.recordings
-    height_m = usual_height_m(like.model, flight_envelope(flights, like.model.radius_m))
-    way = outbound_direction(flights)
+def _refine_dragged(system: System, variant: Variant) -> Variant:
+    """Return the dragged load's variant of most evidence, by rounds of trials about the best.
+
+    Rounds vary the first place on the ground, then the thread with the place where it gets taut
+    fixed. Then both are varied by ever smaller steps.
+    """
+    flights, model = system.recordings, system.model
+    height_m = usual_height_m(model, flight_envelope(flights, model.radius_m))
+    outbound = outbound_direction(flights)
     # a taut thread from this height meets the ground so far behind
     best = DraggedLoad(math.sqrt(max(variant.shape["length_m"] ** 2 - height_m**2, 0.0)), 0.0)
 
-    def shaped(load: DraggedLoad) -> Variant:
-        start = dict(zip(START, (float(load.ahead_m * c) for c in way), strict=True))
+    def variant_of_load(load: DraggedLoad) -> Variant:
+        start = dict(zip(START, (float(load.ahead_m * c) for c in outbound), strict=True))
         return dataclasses.replace(
             variant,
             shape={**variant.shape, "length_m": math.hypot(height_m, load.behind_m), **start},
         )
 
-    for options in (
+    for neighbours in (
         _first_places,
         _threads,
         *(_nearby(share) for share in settings.detect.places_nearby),
     ):
-        # the best so far stays in, so that no round loses by it, and first: its noise counts for
-        # all
-        tried = [best, *options(best, height_m)]
-        best = tried[_most_probable(like, [shaped(load) for load in tried])]
-    return shaped(best)
+        # the best so far is tried again, so that no round loses; first, as the noise is estimated
+        # with the first
+        tried = [best, *neighbours(best, height_m)]
+        best = tried[_most_probable(system, [variant_of_load(load) for load in tried])]
+    return variant_of_load(best)
 
 
 def outbound_direction(flights: Sequence[Prepared]) -> np.ndarray:
@@ -171,11 +168,13 @@ def outbound_direction(flights: Sequence[Prepared]) -> np.ndarray:
 
 
 def _first_places(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
+    """Return the load from first places up to a thread's reach behind and ahead of the start."""
     shares = np.linspace(-1.0, 1.0, settings.detect.load_levels)
-    return [load.with_place(load.behind_m * k) for k in shares]
+    return [dataclasses.replace(load, ahead_m=load.behind_m * k) for k in shares]
 
 
 def _threads(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
+    """Return the load on threads as long as any on the coarse grid, and a step beyond."""
     (coarse,) = (s.levels for s in effect_table.get(LOAD).searches if s.rule == "drawn")
     # a step of the coarse grid beyond both of its ends
     step = coarse[1] / coarse[0]
@@ -184,23 +183,26 @@ def _threads(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
 
 
 def _nearby(share: float) -> Callable[[DraggedLoad, float], list[DraggedLoad]]:
-    def options(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
+    """Return what lists the load's neighbours, in steps of a share of how far it is behind."""
+
+    def neighbours(load: DraggedLoad, height_m: float) -> list[DraggedLoad]:
         step = share * load.behind_m
         threads = [load.with_thread(load.behind_m + k * step) for k in (-2, -1, 1, 2)]
-        return threads + [load.with_place(load.ahead_m + k * step) for k in (-2, -1, 1, 2)]
+        places = (load.ahead_m + k * step for k in (-2, -1, 1, 2))
+        return threads + [dataclasses.replace(load, ahead_m=place) for place in places]
 
-    return options
+    return neighbours
 
 
-def _most_probable(like: System, variants: Sequence[Variant]) -> int:
-    """Return the number of the variant with most evidence.
+def _most_probable(system: System, variants: Sequence[Variant]) -> int:
+    """Return the index of the variant with most evidence.
 
     The noise is what the first of them leaves.
     """
-    system = build(like.recordings, like.model, variants, like)
+    with_loads = build(system.recordings, system.model, variants, system)
     # a load has one amplitude, its mass: as many columns as variants, in their order
-    columns = [k for k, c in enumerate(system.columns) if c.variant is not None]
-    regression = make_regression(system, columns[:1])
+    columns = [k for k, c in enumerate(with_loads.columns) if c.variant is not None]
+    regression = make_regression(with_loads, columns[:1])
     listed = entries(regression, [Candidate(LOAD, "physics", tuple(variants))])
     scorer = set_scorer(regression, listed)
     (best,) = scorer.best([(e,) for e in listed])

@@ -59,10 +59,8 @@ class UnmeasuredThrust:
         low, high = self.excess.ci95
         value = number_words(100.0 * abs(self.excess.value), 2)
         half = number_words(100.0 * 0.5 * (high - low), 2)
-        causes_named = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
-        *some, last = causes_named + (
-            [f"another {SPEED.split('.')[1]}"] if self.key == SPEED else []
-        )
+        listed = [f"{CAUSES[name]} ({name})" for name in CAUSES if name in self.rivals]
+        *some, last = listed + ([f"another {SPEED.split('.')[1]}"] if self.key == SPEED else [])
         causes = f"{', '.join(some)} or {last}"
         kind_of_sd = "prior" if self.key in self.system.model.prior_sds else "usual"
         known = (
@@ -89,12 +87,16 @@ class UnmeasuredThrust:
         )
 
     def findings(self) -> list[Finding]:
-        """Return the rivals as findings, all causes equally probable: the top speed is one, too."""
+        """Return the rivals as open findings, each as probable as any cause.
+
+        Where the top speed absorbs the excess it counts as one more cause, without a finding: no
+        effect of the library is it.
+        """
         effect, parameter = ParameterKey.of(self.key)
         estimates = {effect: {parameter: self.excess}}
-        causes = len(self.rivals) + (self.key == SPEED)
+        cause_count = len(self.rivals) + (self.key == SPEED)
         return [
-            Finding.of(name, 1.0 / causes, estimates.get(name, {}), is_open=True)
+            Finding.of(name, 1.0 / cause_count, estimates.get(name, {}), is_open=True)
             for name in self.rivals
         ]
 
