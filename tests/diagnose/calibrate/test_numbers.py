@@ -3,7 +3,7 @@
 import pytest
 
 from ges.diagnose.calibrate import calibrate as module
-from ges.diagnose.calibrate.calibrate import Number
+from ges.diagnose.calibrate.calibrate import Correction
 from ges.diagnose.detectors.balance import LOSSES
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import SPEED
@@ -27,7 +27,7 @@ SHEET = {
 
 
 def _number(value, later_sd=0.01, declared_sd=0.05):
-    return Number(value, 0.5 * later_sd, 0.0, 0.0, declared_sd, later_sd)
+    return Correction(value, 0.5 * later_sd, 0.0, 0.0, declared_sd, later_sd)
 
 
 def test_what_commands_alone_tell_is_one_number():
@@ -74,7 +74,7 @@ def test_corrections_are_folded_into_the_numbers_that_they_correct():
 def test_trims_are_written_as_effects_about_what_the_file_had():
     vehicle = parse_vehicle({**SHEET, "effects": {"weak_rotor": {"loss_1": {"value": 0.02}}}})
     numbers = {LOSSES[0]: _number(0.03), LOSSES[1]: _number(-0.01), "inertia.xx": _number(0.2)}
-    told = module._effects(vehicle, numbers)
+    told = module._effects_of_file(vehicle, numbers)
     loss = told["weak_rotor"]["loss_1"]
     assert loss.value == pytest.approx(0.05) and loss.sd == 0.01
     assert loss.ci95 == pytest.approx((0.05 - 1.96 * 0.005, 0.05 + 1.96 * 0.005))

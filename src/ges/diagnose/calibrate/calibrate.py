@@ -57,8 +57,8 @@ from ges.vehicle.file import Estimate, Quantity, Vehicle, parse_vehicle, vehicle
 
 
 @dataclasses.dataclass(frozen=True)
-class Number:
-    """One fitted number, as the correction of the file's.
+class Correction:
+    """One fitted correction of a nominal parameter or trim.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Calibration:
     """
 
     vehicle: Vehicle
-    numbers: Mapping[str, Number]
+    numbers: Mapping[str, Correction]
     spread: float
     session_spread: float
     seconds: float
@@ -158,11 +158,14 @@ def _commands_alone(flights: Sequence[Prepared]) -> bool:
 
 
 def _fit_trims(
-    flights: Sequence[Prepared], session: Sequence[int], model: Model, before: Mapping[str, Number]
-) -> tuple[dict[str, Number], Spreads]:
-    """Return gains and trims from the slow balance, and their spreads.
+    flights: Sequence[Prepared],
+    session: Sequence[int],
+    model: Model,
+    before: Mapping[str, Correction],
+) -> tuple[dict[str, Correction], Spreads]:
+    """Return gains and trims from each flight's mean balance, and their spreads.
 
-    They spread between flights and sessions.
+    They spread between flights and between sessions.
     """
     shift = {key: n.value for key, n in before.items()}
     balance = balance_of_flights(build(flights, with_corrections(model, shift), []), session)
@@ -181,10 +184,10 @@ def _fit_trims(
     rows = zip(
         balance.keys, values, sd, flight_sd, session_sd, balance.prior_sd, later, strict=True
     )
-    numbers = (
+    corrections = (
         (
             key,
-            Number(
+            Correction(
                 _within_flown_bounds(key, float(value), float(sd), model),
                 float(sd),
                 *map(float, rest),
@@ -192,16 +195,17 @@ def _fit_trims(
         )
         for key, value, sd, *rest in rows
     )
-    return dict(numbers), spreads
+    return dict(corrections), spreads
 
 
-def _nominal_numbers(
-    flights: Sequence[Prepared], model: Model, before: Mapping[str, Number]
-) -> dict[str, Number]:
-    """Return nominal parameters other than trims, from the fit that a diagnosis begins with.
+def _nominal_corrections(
+    flights: Sequence[Prepared], model: Model, before: Mapping[str, Correction]
+) -> dict[str, Correction]:
+    """Return corrections of the nominal parameters that are no trims, from the null fit.
 
-    None without measured rates. The fit starts from the last values, and its prior stays at the
-    file. What no file states, as a clock's delay, keeps its usual sd in later flights.
+    Empty where an attitude was derived: its moments show the slow balance alone. The fit starts
+    from the last values, and its prior stays at the file. What no file states, as a clock's delay,
+    keeps its usual sd in later flights.
     """
     if not no_attitude_derived(flights):
         return {}
@@ -215,7 +219,7 @@ def _nominal_numbers(
     )
     system = build(flights, now, [])
     _, joint = null_fit(system)
-    numbers = {}
+    corrections = {}
     for nuisance in (
         c.nuisance for c in system.columns if c.nuisance and c.nuisance.key in joint.common
     ):
@@ -223,8 +227,8 @@ def _nominal_numbers(
         if key not in TRIMS:
             value = _within_flown_bounds(key, joint.common[key], sd, model)
             later = max(sd, _usual_sd(key, model))
-            numbers[key] = Number(value, sd, 0.0, 0.0, nuisance.sd, later)
-    return numbers
+            corrections[key] = Correction(value, sd, 0.0, 0.0, nuisance.sd, later)
+    return corrections
 
 
 def _usual_sd(key: str, model: Model) -> float:
@@ -234,7 +238,8 @@ def _usual_sd(key: str, model: Model) -> float:
     """
     if key == SPEED:
         # gains by commands spread from flight to flight, those by rotor speeds hardly: that is the
-        # drive's, and a speed goes as the root of thrust
+        # drive's. A speed goes as the root of thrust, hence a half (in _usual_spread it is that of
+        # a mean)
         gain_sd = settings.calibrate.spread * settings.calibrate.loss_sd
         return 0.5 * gain_sd * model.number("max_rotor_speed_rad_s")
     effect, parameter = ParameterKey.of(key)
@@ -245,7 +250,8 @@ def _usual_sd(key: str, model: Model) -> float:
 def _within_flown_bounds(key: str, value: float, sd: float, model: Model) -> float:
     """Return a correction clipped to the bounds that the library flies.
 
-    It may exceed them by noise, or by the form error of a drive, as a delay below zero does.
+    Noise or the form error of a drive may exceed them. So may a number that no file states, as a
+    delay below zero.
 
     Raises
     ------
@@ -253,9 +259,11 @@ def _within_flown_bounds(key: str, value: float, sd: float, model: Model) -> flo
         For a nominal parameter or trim that is clearly beyond. A file with a part of it would blame
         the rest on physics.
     """
-    (low, high), sds = correction_bounds(key, model), settings.statistics.certain_sds
-    near = low - sds * sd <= value <= high + sds * sd
-    if near or key not in TRIMS and corrected_numbers(key) == key:
+    (low, high), certain_sds = correction_bounds(key, model), settings.statistics.certain_sds
+    near = low - certain_sds * sd <= value <= high + certain_sds * sd
+    # a drive's delay: no number of the file takes the rest
+    corrects_nothing = key not in TRIMS and corrected_numbers(key) == key
+    if near or corrects_nothing:
         return float(np.clip(value, low, high))
     raise GesError(
         f"these flights need {key} corrected by {value:.3g}, and the simulator flies {low:.3g} to"
@@ -266,71 +274,69 @@ def _within_flown_bounds(key: str, value: float, sd: float, model: Model) -> flo
 
 def _fit(
     flights: Sequence[Prepared], session: Sequence[int], model: Model
-) -> tuple[dict[str, Number], Spreads]:
+) -> tuple[dict[str, Correction], Spreads]:
     """Fit trims and nominal parameters in turn until nothing moves."""
-    numbers: dict[str, Number] = {}
+    corrections: dict[str, Correction] = {}
     for _ in range(settings.numerics.noise_rounds):
-        last = numbers
+        last = corrections
         trims, spreads = _fit_trims(flights, session, model, last)
-        numbers = {**trims, **_nominal_numbers(flights, model, {**last, **trims})}
+        corrections = {**trims, **_nominal_corrections(flights, model, {**last, **trims})}
         share = settings.calibrate.converged_share
         if last and all(
-            abs(n.value - last[key].value) < share * n.later_sd for key, n in numbers.items()
+            abs(n.value - last[key].value) < share * n.later_sd for key, n in corrections.items()
         ):
             break
-    return numbers, spreads
+    return corrections, spreads
 
 
-def _scale(quantity: Quantity, number: Number) -> Quantity:
-    """Return a quantity after a relative correction, with the sd of later flights."""
-    return Quantity(
-        value=quantity.value * (1.0 + number.value), sd=abs(quantity.value) * number.later_sd
-    )
-
-
-def _corrected_fields(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict:
+def _corrected_fields(vehicle: Vehicle, corrections: Mapping[str, Correction]) -> dict:
     """Return fields of the vehicle file that take corrections themselves.
 
     Of numbers that act as one, as mass and thrust coefficient do, the last is corrected.
     """
     update: dict = {}
-    for path, corrections in _by_number(numbers).items():
+    for path, corrections_of_it in _by_nominal_parameter(corrections).items():
         name, _, axis = path.partition(".")
         current = update.get(name, getattr(vehicle, name))
-        later_sd = max(n.later_sd for _, n in corrections)
+        parameter, first = corrections_of_it[0]
+        later_sd = max(c.later_sd for _, c in corrections_of_it)
         if axis:
-            own = getattr(current, axis) * (1.0 + corrections[0][1].value)
+            corrected = getattr(current, axis) * (1.0 + first.value)
             # one relative sd serves all axes, so the largest of theirs
             sd_so_far = current.sd_rel if name in update else 0.0
             update[name] = current.model_copy(
-                update={axis: own, "sd_rel": max(sd_so_far, later_sd)}
+                update={axis: corrected, "sd_rel": max(sd_so_far, later_sd)}
             )
-        elif corrections[0][0].unit == "1":
-            update[name] = _scale(current, corrections[0][1])
+        elif parameter.unit == "1":
+            update[name] = Quantity(
+                value=current.value * (1.0 + first.value), sd=abs(current.value) * first.later_sd
+            )
         else:
-            shift = float(np.mean([n.value for _, n in corrections]))
+            shift = float(np.mean([c.value for _, c in corrections_of_it]))
             update[name] = Quantity(value=current.value + shift, sd=later_sd)
         # numbers that act as one have one sd: it is in the last, and the others are exact
         update |= {
             other: Quantity(value=getattr(vehicle, other).value)
-            for other in corrections[0][0].corrects[:-1]
+            for other in parameter.corrects[:-1]
         }
     top = vehicle.max_rotor_speed_rad_s
-    if SPEED in numbers and top is not None:
+    if SPEED in corrections and top is not None:
         update["max_rotor_speed_rad_s"] = Quantity(
-            value=top.value + numbers[SPEED].value, sd=numbers[SPEED].later_sd
+            value=top.value + corrections[SPEED].value, sd=corrections[SPEED].later_sd
         )
     return update
 
 
-def _by_number(numbers: Mapping[str, Number]) -> dict[str, list[tuple[Parameter, Number]]]:
-    """Return corrections of each number of the vehicle file, ``inertia_kg_m2.xx`` for instance."""
-    corrections: dict[str, list[tuple[Parameter, Number]]] = {}
+def _by_nominal_parameter(
+    corrections: Mapping[str, Correction],
+) -> dict[str, list[tuple[Parameter, Correction]]]:
+    """Return the corrections of each nominal parameter, ``inertia_kg_m2.xx`` for instance."""
+    by_path: dict[str, list[tuple[Parameter, Correction]]] = {}
     for effect in effect_table.table().values():
         for p in effect.parameters:
-            if p.corrects and (number := numbers.get(f"{effect.name}.{p.name}")):
-                corrections.setdefault(p.corrects[-1], []).append((p, number))
-    return corrections
+            if p.corrects and (correction := corrections.get(f"{effect.name}.{p.name}")):
+                by_path.setdefault(p.corrects[-1], []).append((p, correction))
+    return by_path
 
 
 def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> dict[str, object]:
@@ -349,29 +355,31 @@ def _fixed_drive(vehicle: Vehicle, effects: dict[str, dict[str, Estimate]]) -> d
     return fields
 
 
-def _is_written_as_effect(key: str, number: Number, vehicle: Vehicle) -> bool:
-    """Return whether a number is written under ``effects``.
+def _is_written_as_effect(key: str, correction: Correction, vehicle: Vehicle) -> bool:
+    """Return whether a correction is written under ``effects``.
 
     Trims and what is of one motor always are; effects of the drive where stated, or beyond the
     usual.
     """
     (effect, parameter), clear_sds = ParameterKey.of(key), settings.statistics.clear_sds
     of_one_motor = effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).rotor)
-    clear = abs(number.value) > max(clear_sds * number.later_sd, number.declared_sd)
+    clear = abs(correction.value) > max(clear_sds * correction.later_sd, correction.declared_sd)
     known = clear or of_one_motor or effect in vehicle.effects
     of_the_drive = effect in {e.name for e in _drive_effects()}
     return key in TRIMS and key != THRUST or of_the_drive and known
 
 
-def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[str, Estimate]]:
+def _effects_of_file(
+    vehicle: Vehicle, corrections: Mapping[str, Correction]
+) -> dict[str, dict[str, Estimate]]:
     """Return ``effects`` of the new file.
 
     The battery's place is in the spread of the gains already, so the centre of gravity has no sd.
     """
     effects = {name: dict(values) for name, values in vehicle.effects.items()}
-    for key, number in numbers.items():
+    for key, correction in corrections.items():
         name, parameter = ParameterKey.of(key)
-        if not _is_written_as_effect(key, number, vehicle):
+        if not _is_written_as_effect(key, correction, vehicle):
             continue
         parameters = effects.setdefault(name, {})
         start = (
@@ -379,9 +387,9 @@ def _effects(vehicle: Vehicle, numbers: Mapping[str, Number]) -> dict[str, dict[
             if parameter in parameters
             else effect_table.get(name).neutral()[parameter]
         )
-        value, low, high = (start + v for v in (number.value, *number.ci95))
-        parameters[parameter] = Estimate(value=value, sd=number.later_sd, ci95=(low, high))
-    if set(LOSSES) & set(numbers):
+        value, low, high = (start + v for v in (correction.value, *correction.ci95))
+        parameters[parameter] = Estimate(value=value, sd=correction.later_sd, ci95=(low, high))
+    if set(LOSSES) & set(corrections):
         lever = ParameterKey.of(LEVERS[0]).effect
         still = {ParameterKey.of(key).parameter: Estimate(value=0.0) for key in LEVERS}
         effects[lever] = {**still, **effects.get(lever, {})}
@@ -418,7 +426,7 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
             " with the same one"
         )
     model = from_vehicle(recordings.vehicle, recordings.folder)
-    flown = [(number, f) for number, one in enumerate(sets) for f in one.flights]
+    flown = [(index, f) for index, one in enumerate(sets) for f in one.flights]
     gate = pass_gate([f.frame for _, f in flown], model, [f.name for _, f in flown])
     used = [(n, f) for (n, _), f in zip(flown, gate.flights, strict=True) if f is not None]
     session, flights = [n for n, _ in used], [f for _, f in used]
@@ -429,9 +437,9 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
         )
     model = with_flown_voltage(model, flights)
     flights = with_expected_speeds(flights, model)
-    numbers, spreads = _fit(flights, session, _with_free_trims(model, flights))
-    update = _corrected_fields(recordings.vehicle, numbers) | {
-        "effects": with_stated_voltage(_effects(recordings.vehicle, numbers), model)
+    corrections, spreads = _fit(flights, session, _with_free_trims(model, flights))
+    update = _corrected_fields(recordings.vehicle, corrections) | {
+        "effects": with_stated_voltage(_effects_of_file(recordings.vehicle, corrections), model)
     }
     if _commands_alone(flights):
         update |= _fixed_drive(recordings.vehicle, update["effects"])
@@ -439,7 +447,7 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
     warnings = (
         *(w for one in sets for w in one.warnings),
         *gate.warnings,
-        *_moved_warnings(numbers),
+        *_moved_warnings(corrections),
     )
     vehicle = recordings.vehicle.model_copy(update=update)
     vehicle = vehicle.model_copy(
@@ -449,17 +457,15 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
     spread, between = (
         level.estimate * settings.calibrate.spread * settings.calibrate.loss_sd for level in spreads
     )
-    return Calibration(vehicle, numbers, spread, between, seconds, warnings)
+    return Calibration(vehicle, corrections, spread, between, seconds, warnings)
 
 
 def _calibrated_structure(
     flights: Sequence[Prepared], vehicle: Vehicle, folder: Path
 ) -> dict[str, float]:
-    """Return the largest structure by channel that the calibrated file leaves.
+    """Return the largest structure by channel that the calibrated file leaves in its own flights.
 
-    It is that of two of its own flights.
-
-    It is no news in later ones.
+    It is the largest of all pairs of flights, and no news in later ones.
     """
     model = with_flown_voltage(from_vehicle(vehicle, folder), flights)
     system = build(flights, model, [])
@@ -480,12 +486,12 @@ def _calibrated_structure(
     return largest
 
 
-def _moved_warnings(numbers: Mapping[str, Number]) -> list[str]:
+def _moved_warnings(corrections: Mapping[str, Correction]) -> list[str]:
     """Return a sentence for every nominal parameter that moved clearly beyond its prior sd."""
     return [
         f"{key} moved by {n.value:.3g}, {abs(n.value) / n.declared_sd:.1f} times its prior sd of"
         f" {n.declared_sd:.3g}; look at the vehicle file before you rely on it"
-        for key, n in numbers.items()
+        for key, n in corrections.items()
         if corrected_numbers(key) != key
         and abs(n.value) > settings.statistics.clear_sds * n.declared_sd
     ]

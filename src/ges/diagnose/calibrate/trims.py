@@ -38,7 +38,7 @@ TRIMS = (THRUST, *LOSSES, CANT, *LEVERS)
 
 @dataclasses.dataclass(frozen=True)
 class TrimBalance:
-    """Mean balance of whole flights.
+    """Mean residuals of thrust and moments of whole flights, their *balance*.
 
     Attributes
     ----------
@@ -60,12 +60,12 @@ def balance_of_flights(system: System, session: Sequence[int]) -> TrimBalance:
     Parameters
     ----------
     system : of the flights.
-    session : number of each flight's session.
+    session : index of each flight's session.
 
     Notes
     -----
-    Slow balance alone determines gains. In single windows the noise of the commands is in the model
-    too, and a fit would shrink the model (errors in variables).
+    The mean balance alone determines gains. In single windows the noise of the commands is in the
+    model too, and a fit would shrink the model (errors in variables).
     """
     kept = [
         k
@@ -73,11 +73,12 @@ def balance_of_flights(system: System, session: Sequence[int]) -> TrimBalance:
         if c.nuisance and c.nuisance.key in TRIMS and c.nuisance.sd > 0
     ]
     keys = tuple(nuisance_of(system.columns[k]).key for k in kept)
-    slow = [c for c, name in enumerate(system.names) if name in CHANNELS]
+    balance_channels = [c for c, name in enumerate(system.names) if name in CHANNELS]
     # over the sd of a flight's mean, thrust and moments count alike whatever their units
-    sd, grams = np.sqrt(variance_of_means(system, slow)), []
+    sd, grams = np.sqrt(variance_of_means(system, balance_channels)), []
     for r in system.flights:
-        y, x = r.in_air(slow).mean(axis=0) / sd, r.mean_columns(slow, kept) / sd[:, None]
+        y = r.in_air(balance_channels).mean(axis=0) / sd
+        x = r.mean_columns(balance_channels, kept) / sd[:, None]
         seen = np.isfinite(y)
         grams.append(
             Gram(
@@ -89,23 +90,23 @@ def balance_of_flights(system: System, session: Sequence[int]) -> TrimBalance:
         )
     prior = np.array([nuisance_of(system.columns[k]).sd for k in kept])
     together = tuple(
-        tuple(g for g, own in zip(grams, session, strict=True) if own == number)
-        for number in sorted(set(session))
+        tuple(g for g, own in zip(grams, session, strict=True) if own == index)
+        for index in sorted(set(session))
     )
     return TrimBalance(keys, prior, np.array([_usual_spread(key, keys) for key in keys]), together)
 
 
 def _usual_spread(key: str, keys: Sequence[str]) -> float:
-    """Return the usual spread of a trim: a share of how far it may be off.
+    """Return the usual sd of a trim between flights, in the trim's unit; 0 for trims without one.
 
-    It applies to every motor's gain and the cant, or to the thrust where motors cannot be
-    separated.
+    It is a share of how far the trim may be off.
     """
-    numbers = settings.calibrate
+    usual = settings.calibrate
+    # motors that cannot be separated: the mean of four independent gains, 1 / sqrt(4)
     if key == THRUST and not set(LOSSES) & set(keys):
-        return 0.5 * numbers.spread * numbers.loss_sd
-    far = {**dict.fromkeys(LOSSES, numbers.loss_sd), CANT: numbers.cant_sd_rad}
-    return numbers.spread * far.get(key, 0.0)
+        return 0.5 * usual.spread * usual.loss_sd
+    prior_sds = {**dict.fromkeys(LOSSES, usual.loss_sd), CANT: usual.cant_sd_rad}
+    return usual.spread * prior_sds.get(key, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -238,7 +239,7 @@ def fit_spreads(balance: TrimBalance, start: np.ndarray, usual: float) -> Spread
     sessions, balances = balance.sessions, balance.sessions[0][0].n
     several = len(sessions) > 1
     flights = sum(map(len, sessions))
-    alike = usual * (settings.calibrate.smaller_spread if several else 1.0)
+    usual_within = usual * (settings.calibrate.smaller_spread if several else 1.0)
 
     def most_likely(flight: float | None, session: float | None) -> float:
         """Return the factor that makes the flights most likely, the one of the two that is None."""
@@ -260,7 +261,7 @@ def fit_spreads(balance: TrimBalance, start: np.ndarray, usual: float) -> Spread
     within = _pool(
         most_likely(None, usual if several else 0.0) if freedom else np.nan,
         freedom,
-        alike,
+        usual_within,
         balances,
     )
     if not several:

@@ -110,7 +110,7 @@ def _accept_where_numbers_are(
     again = accept(moved.system, decisions)
     fitted = again.fitted
     # what is accepted there has to lead there, too, or to be the number that moved
-    leads_there = (fitted and fitted.frees_nuisance_of(moved.system)) or far_corrections(
+    leads_there = (fitted and fitted.corrects_vehicle(moved.system)) or far_corrections(
         start, nominal, fitted.effects if fitted else {}
     )
     if not leads_there:

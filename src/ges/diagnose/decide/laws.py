@@ -83,7 +83,7 @@ def add_laws(
     """
     # a nominal parameter that was named would be a nuisance again with a law, and move twice
     before = explanation.accepted.fitted
-    if before and before.frees_nuisance_of(start.system):
+    if before and before.corrects_vehicle(start.system):
         return explanation, unexplained, []
     forms = {
         channel: (form, structure)

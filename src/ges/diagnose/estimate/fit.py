@@ -55,12 +55,16 @@ class Fitted:
     regression: Regression
     chord_covariance: np.ndarray | None = None
 
-    def frees_nuisance_of(self, system: System) -> bool:
-        """Return whether some fitted parameter is a nuisance of the vehicle.
+    def corrects_vehicle(self, system: System) -> bool:
+        """Return whether a fitted parameter is also a nominal parameter of the system's vehicle.
 
         Parameters
         ----------
         system : of the flights, without these effects.
+
+        Notes
+        -----
+        Mean winds that gusts leave in each flight are nuisances too, and do not count.
         """
         of_vehicle = set(system.nuisances) - set(system.model.flight_sds)
         return not {f"{e}.{p}" for e, p in self.free}.isdisjoint(of_vehicle)
@@ -91,8 +95,8 @@ class Fitted:
         Only a bound of the parameter keeps a fit that converged from its optimum.
         """
         i, step = self.free.index((effect, parameter)), self.joint_free_moments.chosen
-        given, gain, sd = self._given_shape(effect, parameter, self.covariance)
-        return abs(float(step[i] - gain @ step[given])) / sd
+        given, slopes, sd = self._given_shape(effect, parameter, self.covariance)
+        return abs(float(step[i] - slopes @ step[given])) / sd
 
     def sds_from_neutral(self, effect: str, parameter: str) -> float:
         """Return the distance of an amplitude from neutral in its sd, given the effect's shape.
@@ -126,7 +130,7 @@ class Fitted:
     def _given_shape(
         self, effect: str, parameter: str, covariance: np.ndarray
     ) -> tuple[list[int], np.ndarray, float]:
-        """Return numbers of what an amplitude is given for, its gain on them, and its sd then."""
+        """Return indices of what an amplitude is given for, its regression on them, and its sd."""
         i = self.free.index((effect, parameter))
         given = [
             k
@@ -135,12 +139,12 @@ class Fitted:
             or _wind_and_its_drag(e, effect)
         ]
         # Schur complement: the variance of a normal given what is held
-        gain = covariance[i, given] @ np.linalg.pinv(
+        slopes = covariance[i, given] @ np.linalg.pinv(
             covariance[np.ix_(given, given)], hermitian=True
         )
-        own = covariance[i, i] - gain @ covariance[given, i]
+        own = covariance[i, i] - slopes @ covariance[given, i]
         sd = math.hypot(math.sqrt(max(own, 0.0)), self._form_error(effect, parameter))
-        return given, gain, sd
+        return given, slopes, sd
 
     def _form_error(self, effect: str, parameter: str) -> float:
         """Return the sd of a parameter that is due to the form of its effect."""

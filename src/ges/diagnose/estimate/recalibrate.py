@@ -58,9 +58,9 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
     is_shared = abs(speed_rad_s) < least_rms_in("drive", nominal)
     if may_stop and is_shared and error < settings.statistics.least_gain * joint.cost:
         return {}
-    reach, whole, mostly_linear = math.inf, joint, False
+    trust_radius, whole, mostly_linear = math.inf, joint, False
     for _ in range(settings.numerics.fit_rounds):
-        fit, reach = _damped_step(regression, cost, joint, reach)
+        fit, trust_radius = _damped_step(regression, cost, joint, trust_radius)
         if fit is None:
             break
         # only the first round can take the whole linear step
@@ -109,29 +109,34 @@ def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
     would draw it back to where it moves a lot.
     """
     step, _ = _damped_step(regression, _cost(regression, {}), joint, math.inf)
-    return step or _within_reach(regression, settings.estimate.converged_sds)
+    return step or _fit_within(regression, settings.estimate.converged_sds)
 
 
 def _damped_step(
-    regression: Regression, cost: float, joint: JointFit, reach: float
+    regression: Regression, cost: float, joint: JointFit, trust_radius: float
 ) -> tuple[JointFit | None, float]:
-    """Return the step within a reach that gains as predicted, and the reach of the next one.
+    """Return the step that gains as predicted, and the trust radius of the next one.
 
-    The reach is in prior sds, and halved until the step holds. None where none does.
+    The radius is in prior sds, and halved until the step gains as predicted. None where none does.
     """
     for _ in range(settings.numerics.fit_rounds):
-        tried = joint if math.isinf(reach) else _within_reach(regression, reach)
+        tried = joint if math.isinf(trust_radius) else _fit_within(regression, trust_radius)
         if _gains_as_predicted(regression, cost, joint, tried):
-            return tried, 2.0 * reach
-        reach = min(0.5 * reach, 1.0)
-    return None, reach
+            return tried, 2.0 * trust_radius
+        trust_radius = min(0.5 * trust_radius, 1.0)
+    return None, trust_radius
 
 
-def _within_reach(regression: Regression, reach: float) -> JointFit:
-    """Return the fit with every number drawn to its present value (Levenberg 1944)."""
+def _fit_within(regression: Regression, trust_radius: float) -> JointFit:
+    """Return the fit with every number drawn to its present value (Levenberg 1944).
+
+    The trust radius is the sd of that pull, in prior sds.
+    """
     corrections = regression.system.model.corrections
     nuisances = [nuisance_of(regression.system.columns[k]) for k in regression.nuisance]
-    near = {n.key: (corrections.get(n.key, 0.0), reach * n.sd) for n in nuisances if n.sd > 0}
+    near = {
+        n.key: (corrections.get(n.key, 0.0), trust_radius * n.sd) for n in nuisances if n.sd > 0
+    }
     return joint_fit(regression, (), nuisance_priors=near)
 
 
@@ -201,21 +206,29 @@ def _gains_as_predicted(
 
 
 def _cost(regression: Regression, step: Mapping[str, float]) -> float:
-    """Return -2 log posterior, but for a constant, of the model flown a step away.
+    """Return the cost of :func:`_cost_and_speed`."""
+    return _cost_and_speed(regression, step)[0]
 
-    Numbers that differ between flights are at their optimum. What they add to the top speed in the
-    mean is none, but for what matters nowhere: that is no flight's own.
+
+def _cost_and_speed(regression: Regression, step: Mapping[str, float]) -> tuple[float, float]:
+    """Return the cost of the model flown a step away, and how far its top speed is off in the mean.
 
     Parameters
     ----------
     regression : linearised at the present corrections.
     step : by ``effect.parameter``, from the present corrections.
+
+    Returns
+    -------
+    -2 log posterior, up to a constant, and the mean effect of the flights' own numbers on the top
+    speed, rad/s.
+
+    Notes
+    -----
+    Each flight's own numbers are at their optimum. Their mean effect on the top speed is a nuisance
+    of prior mean zero, its sd the practical significance threshold of the drive. A change that all
+    flights share is one of the top speed.
     """
-    return _cost_and_speed(regression, step)[0]
-
-
-def _cost_and_speed(regression: Regression, step: Mapping[str, float]) -> tuple[float, float]:
-    """Return the cost, and what flights' own numbers add to the top speed in the mean, rad/s."""
     system = regression.system
     nuisances = {int(k): nuisance_of(system.columns[k]) for k in regression.nuisance}
     # what differs between flights is small: its columns stay as they were linearised
