@@ -196,7 +196,7 @@ def test_a_flight_without_which_the_others_agree_better_makes_no_delay_alone():
 
 
 def test_rotor_speeds_on_time_beside_their_commands_are_left_alone(flown, sheet, with_rates, model):
-    """Late against the motion alone is what a controller's answers to disturbances look like."""
+    """Late against the motion alone is what a controller's responses to disturbances look like."""
     gate = pass_gate([_in_flight(flown, sheet, with_rates, -0.15, 0.0)] * 2, model)
     assert not gate.delays
 

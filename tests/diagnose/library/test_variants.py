@@ -141,7 +141,7 @@ def _without(*names):
         ("battery_sag", _without("battery_V"), "battery_V"),
         ("thrust_scale", _without("battery_V", *ROTOR_SPEED), "battery_V"),
         ("motor_lag", _without(*COMMAND), "motor commands"),
-        ("motor_lag", _without(*ROTOR_SPEED), "answers to disturbances"),
+        ("motor_lag", _without(*ROTOR_SPEED), "responses to disturbances"),
     ],
 )
 def test_what_a_log_lacks_is_said_in_words(effect, flight, asked):

@@ -1,9 +1,9 @@
 """Trims of flights in sessions: mean balances, their posterior, and how far trims spread.
 
-Trims spread at two levels, between the flights of a session and between sessions (a hierarchical
-model; Gelman et al., *Bayesian Data Analysis*, 3rd ed., chapter 5). Few flights or sessions
-determine a spread badly. It is pooled with what such vehicles usually show, by degrees of freedom
-(scaled inverse chi-squared; ibid., section 2.6).
+Trims spread at two levels, between the flights of a session and between sessions. That is a
+hierarchical model (Gelman et al., *Bayesian Data Analysis*, 3rd ed., chapter 5). Few flights or
+sessions determine a spread badly. It is pooled with what such vehicles usually show, by degrees of
+freedom (scaled inverse chi-squared; ibid., section 2.6).
 """
 
 from __future__ import annotations

@@ -181,8 +181,8 @@ def _open_names(
     """Return names of the first search that stay open beside what is accepted."""
     # a name that is probable, but failed another rule, is not open
     least = settings.statistics.acceptance_probability
-    settled = {*accepted, *(n for n, p in result.inclusion.items() if p >= least)}
-    rivals = open_names(result, settled - contested, contested)
+    decided = {*accepted, *(n for n, p in result.inclusion.items() if p >= least)}
+    rivals = open_names(result, decided - contested, contested)
     return rivals if rivals and _still_needed(rivals, base, system) else ()
 
 
@@ -192,7 +192,7 @@ class _Round:
 
     Attributes
     ----------
-    regression, result : the search, without the rows of its flights: they are as large as all
+    regression, result : the search, without the rows of its flights. They are as large as all
         columns, and no fit of its names needs them.
     passing : names that pass, in the order of the best set.
     modifiers : of these names.

@@ -82,23 +82,24 @@ class Contradicted:
 
 
 def excused_effects(open_names: Collection[str], record: DecisionLog) -> set[str]:
-    """Return effects whose nominal parameters may move for reasons that are not the file's.
+    """Return effects whose nominal parameters no contradiction is reported for.
 
-    An open cause may move the numbers that it is confused with. A name that fell when it was fitted
-    in full is no more of a fault as a number of the file.
+    An open cause may move the numbers that it is confused with. And an effect that
+    :func:`ges.diagnose.decide.rules.significant` rejected must not come back as an error of the
+    file.
 
     Parameters
     ----------
     open_names : names that are open, and effects that they can move.
     record : of all decisions.
     """
-    fell = {
+    rejected = {
         name
         for name in record.names
         for d in record.of(name)
         if d.rule == SIGNIFICANT and not d.passed
     }
-    return {*open_names, *fell}
+    return {*open_names, *rejected}
 
 
 def contradicted_parameters(
@@ -114,8 +115,8 @@ def contradicted_parameters(
 
     Returns
     -------
-    The farthest first. A correction below the practical significance threshold does not count, nor
-    one of an effect that stands at a bound of the library: something else is behind that.
+    The farthest first. A correction below the practical significance threshold does not count. Nor
+    does one of an effect that stands at a bound of the library: something else is behind that.
     """
     at_bound = {
         ParameterKey.of(key).effect
@@ -147,12 +148,12 @@ def _number_is_beyond(
 ) -> bool:
     """Return whether the number that a key corrects is certainly beyond its prior.
 
-    Several corrections of one number, as lags up and down, move it by their mean, which is as
-    uncertain as each: the file has one sd for it.
+    Several corrections of one number, as lags up and down, move it by their mean. That is as
+    uncertain as each: the file has one sd for the number.
     """
     number = corrected_numbers(key)
-    alike = [k for k in prior_sds if corrected_numbers(k) == number]
-    mean_sds = abs(sum(common[k] for k in alike)) / sum(prior_sds[k] for k in alike)
+    of_it = [k for k in prior_sds if corrected_numbers(k) == number]
+    mean_sds = abs(sum(common[k] for k in of_it)) / sum(prior_sds[k] for k in of_it)
     return mean_sds > settings.statistics.certain_sds
 
 

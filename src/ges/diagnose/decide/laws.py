@@ -77,7 +77,7 @@ def add_laws(
 
     Notes
     -----
-    Names keep their values: a law that is free together with them would take their place (Liu,
+    Names keep their values. A law that is free together with them would take their place (Liu,
     Bayarri and Berger 2009, *Bayesian Analysis* 4, 119, on modularization). Nominal parameters are
     free within their priors, as they have taken up a part of what the law is.
     """

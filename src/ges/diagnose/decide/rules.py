@@ -53,7 +53,7 @@ class RuleContext:
 
     Attributes
     ----------
-    regression, found : the search.
+    regression, result : the search.
     passing : names that passed the rules before, in the order of the best set.
     listed : variants of all that was searched.
     """
@@ -94,9 +94,9 @@ class RuleContext:
 
         Returns
         -------
-        What would have to be logged, by drag. Empty for a name that does not mainly push sideways,
-        and for one that pushes more than the vehicle leans: flown steadily, drag is what leaning
-        holds.
+        What would have to be logged, by drag. Empty for a name that does not mainly push sideways.
+        Empty also for one that pushes more than the vehicle leans: flown steadily, drag is what
+        leaning holds.
         """
         system = self.regression.system
         drags = untestable_drags(system.recordings, system.model)
@@ -199,7 +199,10 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
         return Decision("distinguishable", False, because, lead, least)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
-    lead, least = _lead(context.result, name, rival), settings.statistics.acceptance_log_odds
+    lead, least = (
+        _log_odds_over(context.result, name, rival),
+        settings.statistics.acceptance_log_odds,
+    )
     because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
     return Decision("distinguishable", not others, because, lead, least)
 
@@ -299,7 +302,7 @@ def best_rival(result: SearchResult, name: str) -> Hypothesis | None:
     return max(others, key=lambda h: h.flight_evidence, default=None)
 
 
-def _lead(result: SearchResult, name: str, rival: Hypothesis) -> float:
+def _log_odds_over(result: SearchResult, name: str, rival: Hypothesis) -> float:
     """Return log odds of the best set with a name over its rival, from the flights alone."""
     return (_alone(result, name) or result.best).flight_evidence - rival.flight_evidence
 
@@ -315,7 +318,7 @@ def rivals_nearly_as_good(result: SearchResult, name: str) -> tuple[str, ...]:
     rival = best_rival(result, name)
     if name not in result.best.names or rival is None:
         return ()
-    if _lead(result, name, rival) > settings.statistics.acceptance_log_odds:
+    if _log_odds_over(result, name, rival) > settings.statistics.acceptance_log_odds:
         return ()
     best = _alone(result, name) or result.best
     return tuple(n for n in rival.names if n not in best.names)
@@ -331,11 +334,13 @@ def significant(fitted: Fitted, name: str) -> Decision:
 
     Notes
     -----
-    Some amplitude must be clear of neutral with its shape given: an effect whose size its shape
-    leaves open is there all the same. It must also be certainly beyond its prior, and nothing at a
-    bound. A wind must blow at all. The file has ten numbers or more, which are always free: so what
-    corrects one must be certain. Of a drive's delay and lag the sum counts: where one undoes the
-    other, they are the shape of one response, which rows and a motor's second pole leave open.
+    1. A wind has to blow faster than air that is still.
+    2. No amplitude stands at a bound.
+    3. Some amplitude is certainly beyond its prior, and ``required_sds`` from neutral with its
+       shape given: an effect whose size its shape leaves open is there all the same.
+
+    What corrects a number of the file has to be certain, as ten such numbers and more are always
+    free. For other effects ``clear_sds`` are enough.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:
@@ -343,26 +348,36 @@ def significant(fitted: Fitted, name: str) -> Decision:
         still_m_s = settings.decide.still_air_m_s
         if speed_m_s < still_m_s:
             return Decision(rule, False, "air is as still anywhere", speed_m_s, still_m_s)
-    for parameter in (p for e, p in parameters_at_bounds(fitted) if e == name):
-        value = fitted.effects[name][parameter]
-        return Decision(rule, False, f"{parameter} stands at its bound", value, value)
+    at_bound = next((p for e, p in parameters_at_bounds(fitted) if e == name), None)
+    if at_bound is not None:
+        value = fitted.effects[name][at_bound]
+        return Decision(rule, False, f"{at_bound} stands at its bound", value, value)
     certain_sds = settings.statistics.certain_sds
     corrects = any(p.corrects for p in effect.parameters if p.name not in effect.shapes)
-    least = certain_sds if corrects else settings.statistics.clear_sds
-    system, farthest = fitted.regression.system, 0.0
+    required_sds = certain_sds if corrects else settings.statistics.clear_sds
+    system, largest_sds = fitted.regression.system, 0.0
     for parameter in (p for e, p in fitted.free if e == name and p not in effect.shapes):
-        value, a = fitted.effects[name][parameter], amplitude_of(name, parameter)
-        deviation = value - a.neutral
-        other_s = _other_lateness_s(fitted, effect.parameter(parameter))
-        if deviation * other_s < 0.0:
-            deviation = math.copysign(max(abs(deviation) - abs(other_s), 0.0), deviation)
+        deviation = _deviation(fitted, name, parameter)
         prior = system.number_with_prior(f"{name}.{parameter}")
         # what the prior of this number allows, the file's or the usual one, is no finding
         is_beyond_prior = not prior or abs(deviation - prior.mean) > certain_sds * prior.sd
         if is_beyond_prior:
-            farthest = max(farthest, fitted.sds_from_neutral(name, parameter))
-    because = f"{farthest:.3g} sds from neutral" if farthest else "within its prior sd"
-    return Decision(rule, farthest > least, because, farthest, least)
+            largest_sds = max(largest_sds, fitted.sds_from_neutral(name, parameter))
+    because = f"{largest_sds:.3g} sds from neutral" if largest_sds else "within its prior sd"
+    return Decision(rule, largest_sds > required_sds, because, largest_sds, required_sds)
+
+
+def _deviation(fitted: Fitted, name: str, parameter: str) -> float:
+    """Return the distance of an amplitude from neutral, in the parameter's unit.
+
+    For a drive's delay or lag, what the other takes back is subtracted. Together they shape one
+    response, which rows and a motor's second pole leave open.
+    """
+    deviation = fitted.effects[name][parameter] - amplitude_of(name, parameter).neutral
+    other_s = _other_lateness_s(fitted, effect_table.get(name).parameter(parameter))
+    if deviation * other_s < 0.0:
+        return math.copysign(max(abs(deviation) - abs(other_s), 0.0), deviation)
+    return deviation
 
 
 def _other_lateness_s(fitted: Fitted, parameter: effect_table.Parameter) -> float:
@@ -500,7 +515,7 @@ def open_names(result: SearchResult, names: Set[str], contested: Set[str]) -> tu
     Parameters
     ----------
     result : of the search.
-    names : that are settled.
+    names : that are decided.
     contested : names that others could replace, and those others.
 
     Returns
@@ -508,13 +523,13 @@ def open_names(result: SearchResult, names: Set[str], contested: Set[str]) -> tu
     The most probable first; empty for fewer than two.
     """
     # one of those that are contested stands for what they do, so that it is no want of others
-    settled = names | contested
-    # probability that nothing is at work beyond the settled names
-    without = sum(h.probability for h in result.hypotheses if not set(h.names) - settled)
+    decided = names | contested
+    # probability that nothing is at work beyond the decided names
+    without = sum(h.probability for h in result.hypotheses if not set(h.names) - decided)
     possible = settings.statistics.possible_probability
     needed = without <= possible
     open_names = contested | {
-        n for n, p in result.inclusion.items() if needed and n not in settled and p > possible
+        n for n, p in result.inclusion.items() if needed and n not in decided and p > possible
     }
     if len(open_names) < 2:
         return ()

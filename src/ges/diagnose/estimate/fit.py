@@ -110,8 +110,8 @@ class Fitted:
         A wind and the drag that it acts through are given for each other: slow flights determine
         their product alone. A correction of a nominal parameter is also shrunk by what is
         plausible. Twice the inertia give or take a third is no finding. Its sd is that of the
-        chord, not of the tangent: it may stand in a denominator, and how a number is written must
-        not decide how far it is.
+        chord, not of the tangent. For it may stand in a denominator, and how a number is written
+        must not decide how far it is.
 
         References
         ----------

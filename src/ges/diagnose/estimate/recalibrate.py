@@ -105,8 +105,8 @@ def checked_fit(regression: Regression, joint: JointFit) -> JointFit:
 
     Notes
     -----
-    A motor lag shorter than a row of the log moves nothing: its column vanishes, and its prior
-    would draw it back to where it moves a lot.
+    A motor lag shorter than a row of the log moves nothing, and its column vanishes. Its prior
+    would then draw it back to where it moves a lot.
     """
     step, _ = _damped_step(regression, _cost(regression, {}), joint, math.inf)
     return step or _fit_within(regression, settings.estimate.converged_sds)

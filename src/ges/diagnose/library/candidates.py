@@ -55,7 +55,7 @@ class Variant:
     shape : values of the shape parameters.
     amplitudes : the coefficients.
     given : prerequisite effects at a usual size, where the vehicle has none of them on.
-    moment_gain : factor on all moments, in a search that tries several; None where they are as the
+    moment_gain : factor on all moments, in a search that tries several. None where they are as the
         effect makes them, or have a coefficient of their own.
     """
 

@@ -95,14 +95,14 @@ def _variants(effect: Effect, model: Model, envelope: FlightEnvelope) -> tuple[V
 
 
 def _moment_gains(effect: Effect) -> tuple[float | None, ...]:
-    """Return factors on the moments of an effect that are tried; None alone for most.
+    """Return the factors to try on an effect's moments; (None,) where they are not varied.
 
-    How much the thrust gains of rotors differ near the ground, and so their moment, depends on how
-    far each spreads. That is the number of another effect. With it at several levels moment and
-    force stay those of one gain.
+    Near the ground a rotor's gain spreads to its neighbours by an unknown share q. That scales
+    moments by 1 + q and leaves forces alone. The q of ``ground_effect_moment`` is tried at each
+    level of its descriptor, so that one amplitude serves force and moment.
     """
-    levers = _modifiers(effect, are_levers=True)
-    return tuple(1.0 + level for lever in levers for level in lever.carried) or (None,)
+    moment_effects = _modifiers(effect, are_levers=True)
+    return tuple(1.0 + q for other in moment_effects for q in other.carried) or (None,)
 
 
 def _modifiers(effect: Effect, are_levers: bool) -> list[Effect]:

@@ -89,7 +89,7 @@ REQUIREMENTS: Mapping[str, Requirement] = {
         lambda flights, model: any(
             f.has(stream) for f in flights for stream in ("rotor_speed", "reference", "excitation")
         ),
-        "needs rotor speeds or the controller's references; its answers to disturbances look like"
+        "needs rotor speeds or the controller's references; its responses to disturbances look like"
         " this effect",
     ),
 }

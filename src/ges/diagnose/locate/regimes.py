@@ -562,7 +562,7 @@ def strongest_entries(entries: Sequence[Mapping]) -> list[dict]:
     forces = {item["channel"] for item in entries if item["channel"].startswith("force")}
     by_channel: dict[str, list[dict]] = {}
     for item in entries:
-        # a force is not its own twin: only an accelerometer's entry goes, where its force has one
+        # a force is never dropped: only an accelerometer's entry is, where its force has one
         if item["channel"].replace("acc_", "force_") not in forces - {item["channel"]}:
             by_channel.setdefault(item["channel"], []).append(dict(item))
     each, most = settings.report.entries_by_channel, settings.report.entries

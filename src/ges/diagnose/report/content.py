@@ -155,7 +155,7 @@ def not_tested(system: System, fitted: Model) -> dict[str, str]:
     dynamic = {n for n in searched - named if effect_table.get(n).feedback == "dynamic"}
     for name in sorted(dynamic) if not references else ():
         reasons[name] = (
-            "needs the references that the controller followed; its answers to disturbances look"
+            "needs the references that the controller followed; its responses to disturbances look"
             " like this effect"
         )
     return reasons
