@@ -10,7 +10,7 @@ from ges.diagnose.design.feedback import EndogenousPart, EndogenousParts, values
 from ges.diagnose.design.system import FlightRows, System
 from ges.diagnose.design.table import table_of
 from ges.diagnose.design.weak import make_windows
-from ges.diagnose.design.whiten import Errors, WhitePart
+from ges.diagnose.design.whiten import Errors, WhiteGroup
 from ges.diagnose.library.candidates import Amplitude, Variant, amplitude_of
 from ges.diagnose.prepare.align import CommandHold, Prepared
 from ges.diagnose.types.model import Model
@@ -130,10 +130,10 @@ def turned(flight: Prepared, yaw_rad: float) -> Prepared:
 
 def white_part(
     columns: Sequence[int], y: np.ndarray, x: np.ndarray, errors: np.ndarray | None = None
-) -> WhitePart:
+) -> WhiteGroup:
     """One channel whose rows are white as they are, with errors of the drive."""
     by_drive = np.zeros((1, 0, len(y))) if errors is None else errors.T[None]
-    return WhitePart(
+    return WhiteGroup(
         (0,),
         np.arange(len(y)),
         np.asarray(columns),

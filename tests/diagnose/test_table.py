@@ -46,7 +46,7 @@ def test_columns_taken_over_from_another_system_are_those_computed_anew(sheet, f
         "cg_offset"
     ].variants  # one axis, the other, and both: each column several times
     first = build(flights, model, variants)
-    again = build(flights, model, variants, like=first)
+    again = build(flights, model, variants, reuse=first)
     for c in range(len(first.names)):
         wanted = range(len(first.columns))
         np.testing.assert_allclose(

@@ -12,7 +12,7 @@ from ges.diagnose.design.columns import _step_parameter, nuisances
 from ges.diagnose.design.residual import residual
 from ges.diagnose.design.system import (
     build,
-    common_channels,
+    channels_of_any,
     half_waves,
     residuals_with,
     thrust_change,
@@ -188,13 +188,13 @@ def test_two_flights_with_different_logs_are_told_in_the_channels_that_each_has(
 def test_channels_in_common_keep_the_order_of_the_fullest_log():
     few = hovering(**dict.fromkeys(COMMAND), **dict.fromkeys(BODY_RATE))
     many = hovering(range_m=1.5)
-    assert common_channels([few, many], MODEL) == common_channels([many, few], MODEL)
-    assert common_channels([few], MODEL)[-1] == "moment_z"
+    assert channels_of_any([few, many], MODEL) == channels_of_any([many, few], MODEL)
+    assert channels_of_any([few], MODEL)[-1] == "moment_z"
 
 
 def test_stated_sds_are_free_and_unstated_numbers_are_not():
     flights = [hovering(battery_V=16.0)]
-    names = common_channels(flights, MODEL)
+    names = channels_of_any(flights, MODEL)
     usual = {f"{n.effect}.{n.parameter}": n for n in nuisances(MODEL, names, flights)}
     assert "inertia.xx" not in usual and SPEED not in usual
     sure = dataclasses.replace(
@@ -209,7 +209,7 @@ def test_stated_sds_are_free_and_unstated_numbers_are_not():
 
 def test_a_battery_that_nobody_read_has_a_level_and_a_sag_in_each_flight():
     flights = [hovering()]
-    names = common_channels(flights, MODEL)
+    names = channels_of_any(flights, MODEL)
     free = {n.key: n for n in nuisances(MODEL, names, flights)}
     half = 0.5 * effect_table.get("thrust_scale").parameter("scale").prior.unlogged_voltage_sd
     top = MODEL.number("max_rotor_speed_rad_s")
@@ -236,7 +236,7 @@ def test_a_battery_that_nobody_read_has_a_level_and_a_sag_in_each_flight():
 
 
 def test_a_lever_is_doubted_by_a_share_of_the_arm():
-    names, wide = common_channels([hovering()], MODEL), dict(NUMBERS)
+    names, wide = channels_of_any([hovering()], MODEL), dict(NUMBERS)
     for i in range(1, 5):
         for axis in "xy":
             wide[f"rotor_{i}_{axis}_m"] = 3.0 * MODEL.number(f"rotor_{i}_{axis}_m")
@@ -253,7 +253,7 @@ def test_a_number_that_was_moved_keeps_its_doubt_about_the_vehicle_file():
     moved = dataclasses.replace(
         MODEL, prior_sds={"thrust_scale.scale": 0.05}, corrections={"thrust_scale.scale": 0.3}
     )
-    names = common_channels([hovering()], MODEL)
+    names = channels_of_any([hovering()], MODEL)
     found = next(n for n in nuisances(moved, names, [hovering()]) if n.effect == "thrust_scale")
     assert found.mean == pytest.approx(-0.3) and found.sd == 0.05
 
@@ -264,11 +264,11 @@ def test_what_was_not_logged_frees_no_number_that_only_it_shows():
     charged = hovering(battery_V=16.0)
 
     def free(flight):
-        names = common_channels([flight], MODEL)
+        names = channels_of_any([flight], MODEL)
         return {n.effect for n in nuisances(MODEL, names, [flight])}
 
     def parameters(flight):
-        listed = nuisances(MODEL, common_channels([flight], MODEL), [flight])
+        listed = nuisances(MODEL, channels_of_any([flight], MODEL), [flight])
         return {n.parameter for n in listed if n.effect == "battery_sag"}
 
     assert "attitude_bias" in free(hovering()) and "attitude_bias" not in free(derived)
@@ -285,7 +285,7 @@ def _delay_of_two_poles_s():
 
 
 def test_a_delay_is_as_doubtful_as_commands_are_held_and_a_second_pole_is_late():
-    names = common_channels([hovering()], MODEL)
+    names = channels_of_any([hovering()], MODEL)
 
     def prior_sd(flight):
         (found,) = (n for n in nuisances(MODEL, names, [flight]) if n.effect == "esc_delay")

@@ -44,7 +44,7 @@ def _whitened(system, noise):
 def test_a_first_order_process_comes_out_white_and_of_unit_size(correlation):
     system = _alone(_coloured(correlation))
     noise = estimate_noise(system)
-    ((part,),) = (w.parts for w in _whitened(system, noise))
+    ((part,),) = (w.groups for w in _whitened(system, noise))
     assert noise.ar[0] == pytest.approx([correlation, 0.0, 0.0], abs=0.08)
     assert noise.sd[0] == pytest.approx(0.1, rel=0.05)
     (y,) = part.y
@@ -57,7 +57,7 @@ def test_a_first_order_process_comes_out_white_and_of_unit_size(correlation):
 def test_columns_go_through_the_filter_of_the_residuals():
     y = _coloured(0.7)
     system = _alone(y, columns=[DRAG], acting=[{0: -2.5 * y}])
-    ((part,),) = (w.parts for w in _whitened(system, estimate_noise(_alone(y))))
+    ((part,),) = (w.groups for w in _whitened(system, estimate_noise(_alone(y))))
     np.testing.assert_allclose(part.of([0])[:, 0], -2.5 * part.y)
     ((xx, _), (_, yy)) = part.products[0][0]
     assert xx == pytest.approx(6.25 * yy)
@@ -68,7 +68,7 @@ def test_whitened_numbers_do_not_know_the_unit_of_their_channel():
     made = []
     for unit in (1.0, 1000.0):
         system = _alone(unit * y, columns=[DRAG], acting=[{0: unit * x}])
-        ((part,),) = (w.parts for w in _whitened(system, estimate_noise(system)))
+        ((part,),) = (w.groups for w in _whitened(system, estimate_noise(system)))
         made.append(part)
     np.testing.assert_allclose(made[0].y, made[1].y, rtol=1e-6)
     np.testing.assert_allclose(made[0].of([0]), made[1].of([0]), rtol=1e-6)
@@ -100,7 +100,7 @@ def test_no_row_leans_on_what_was_before_a_break():
     )
     assert not broken.follows[100] and broken.follows[1:100].all() and len(center) == 300
     shouted = dataclasses.replace(broken, y=broken.y + 1e3 * (np.arange(290) < 100)[:, None])
-    parts = [whiten([r], noise, variance_covariate([r]))[0].parts[0] for r in (broken, shouted)]
+    parts = [whiten([r], noise, variance_covariate([r]))[0].groups[0] for r in (broken, shouted)]
     after = parts[0].at >= 100
     assert 100 not in parts[0].at and parts[0].at[after][0] == 103, "a full past first"
     np.testing.assert_array_equal(parts[0].y[:, after], parts[1].y[:, after])
@@ -110,7 +110,7 @@ def test_a_row_that_is_not_there_is_missing_and_those_after_it_wait_for_their_pa
     y = _coloured(0.8, count=200)
     y[50] = np.nan
     system = _alone(y)
-    (part,) = _whitened(system, estimate_noise(system))[0].parts
+    (part,) = _whitened(system, estimate_noise(system))[0].groups
     assert np.isfinite(part.y).all()
     assert not set(range(50, 54)) & set(part.at) and {49, 54} <= set(part.at)
 
@@ -124,7 +124,7 @@ def test_noise_that_grows_where_a_stream_is_slow_is_taken_off_there(growth):
     system = _alone(y, noise=covariate)
     noise = estimate_noise(system)
     assert noise.growth[0] == growth and noise.sd[0] == pytest.approx(0.1, rel=0.05)
-    ((part,),) = (w.parts for w in _whitened(system, noise))
+    ((part,),) = (w.groups for w in _whitened(system, noise))
     noisy = relative[part.at] > 2.0
     assert np.std(part.y[:, noisy]) == pytest.approx(1.0, rel=0.1)
     assert np.std(part.y[:, ~noisy]) == pytest.approx(1.0, rel=0.1)
@@ -204,7 +204,7 @@ def test_an_answer_counts_once_however_many_flights_show_it(copies):
     )
     noise = NoiseModel(np.zeros((1, 3)), np.array([0.5]), np.zeros(1), np.array([2.0]))
     whites = whiten([rows] * copies, noise, [np.zeros(400)] * copies)
-    parts = [w.parts[0] for w in whites]
+    parts = [w.groups[0] for w in whites]
     answers = [part.errors.columns()[0, 0] for part in parts]
     sd = 1.0 / np.sqrt(3.0)
     for part, answer in zip(parts, answers, strict=True):

@@ -51,7 +51,7 @@ def _dense(regression, chosen, common, varies, prior_mean, prior_sd):
     size = len(chosen) + len(common) + FLIGHTS * len(varies)
     x, y = [], []
     for f, white in enumerate(regression.whites):
-        (part,) = white.parts
+        (part,) = white.groups
         row = np.zeros((len(part.at), size))
         row[:, : len(chosen)] = part.of(chosen)[0].T
         row[:, len(chosen) : len(chosen) + len(common)] = part.of(common)[0].T
@@ -152,8 +152,8 @@ def test_a_candidate_at_its_bound_leaves_the_rest_to_the_others():
     regression = _alike((DRAG, amplitude("translational_lift.c", high=1e9)), (0.7, 0.3))
     joint = joint_fit(regression, [0, 1])
     steps = joint.steps_within(np.array([[-math.inf, 0.2], [-math.inf, math.inf]]))
-    a, b = (np.concatenate([w.parts[0].of([k])[0][0] for w in regression.whites]) for k in (0, 1))
-    y = np.concatenate([w.parts[0].y[0] for w in regression.whites])
+    a, b = (np.concatenate([w.groups[0].of([k])[0][0] for w in regression.whites]) for k in (0, 1))
+    y = np.concatenate([w.groups[0].y[0] for w in regression.whites])
     assert steps[0] == pytest.approx(0.2)
     assert steps[1] == pytest.approx(b @ (y - 0.2 * a) / (b @ b), rel=1e-3)
 

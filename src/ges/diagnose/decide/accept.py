@@ -332,10 +332,10 @@ def _contested_names(context: RuleContext, record: DecisionLog) -> set[str]:
     }
 
 
-def _regression_of(listed: Sequence[Candidate], base: Model, like: System) -> Regression:
-    """Return the regression of candidates added to the base, on the flights of a system like it."""
+def _regression_of(listed: Sequence[Candidate], base: Model, reuse: System) -> Regression:
+    """Return the regression of candidates added to the base, on the flights of a system."""
     return make_regression(
-        build(like.recordings, base, [v for c in listed for v in c.variants], like)
+        build(reuse.recordings, base, [v for c in listed for v in c.variants], reuse)
     )
 
 
@@ -620,7 +620,7 @@ def confirm_along_rollouts(
 
     Returns
     -------
-    Names that are significant in this fit, which is the one that is told, and bring the flights
+    Names that are significant in this fit, which is the one that is reported, and bring the flights
     nearer than the vehicle file does.
     """
     refined, system = fit_along_rollouts(accepted), accepted.system

@@ -187,8 +187,8 @@ def _response_structures(
     """Return channels of laws with structure; a size depends on what has another sign elsewhere."""
     system, by_channel = explanation.last.regression.system, {}
     main = system.main
-    # what stands for a drag that cannot be tested would be told as a law: it pushes sideways, and
-    # turns the vehicle
+    # what stands for a drag that cannot be tested would be reported as a law: it pushes sideways,
+    # and turns the vehicle
     drags = untestable_drags(system.recordings, system.model)
     for channel in (c for c in CHANNELS if not drags or c == "force_z"):
         kind, axis = channel.split("_")
@@ -242,8 +242,8 @@ def _fit_terms(
     with_names = model.with_effects(names)
     # flights show a law over the mass or the inertia. Only about a law that acts do their columns
     # have its part, and its coefficients what is uncertain with them
-    for like in (start.system, with_columns(start.system, ())):
-        design = build(flights, with_names.with_effects({LAW: law}), variants, like)
+    for reuse in (start.system, with_columns(start.system, ())):
+        design = build(flights, with_names.with_effects({LAW: law}), variants, reuse)
         chosen = free_columns(design)
         regression = whiten_system(design, estimate_noise(design, chosen))
         prior_mean = np.array([given[key] - law[key] for key in keys])

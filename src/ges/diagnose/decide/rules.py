@@ -199,10 +199,8 @@ def distinguishable(context: RuleContext, name: str) -> Decision:
         return Decision("distinguishable", False, because, lead, least)
     if rival is None:
         return Decision("distinguishable", True, "nothing else explains anything")
-    lead, least = (
-        _log_odds_over(context.result, name, rival),
-        settings.statistics.acceptance_log_odds,
-    )
+    lead = _log_odds_over(context.result, name, rival)
+    least = settings.statistics.acceptance_log_odds
     because = f"log odds {lead:.3g} over {' with '.join(rival.names)} in its place"
     return Decision("distinguishable", not others, because, lead, least)
 

@@ -125,7 +125,7 @@ def subtract_trims(
 
     Parameters
     ----------
-    dynamic : numbers of these columns.
+    dynamic : indices of these columns.
     x : the columns (m, C, K).
     windows : m windows of the flight.
     names : of the C channels.
@@ -159,13 +159,13 @@ def subtract_trims(
             continue
         trim, rates = trim_and_rates(MarkedChannel.of(name).mark)
         rotation = rates[:, AXES.index(name[len("moment_")])]
-        places = np.flatnonzero(is_dynamic[x.at[c]])
-        columns = np.stack([values[c][k] for k in places], axis=1)
+        indices = np.flatnonzero(is_dynamic[x.at[c]])
+        columns = np.stack([values[c][k] for k in indices], axis=1)
         regressors = np.column_stack([trim, rotation])
         # both are fitted, the trim alone is taken out
         fitted = np.linalg.lstsq(regressors, columns[air], rcond=None)[0]
         columns[air] -= trim @ fitted[: trim.shape[1]]
-        for k, column in zip(places, columns.T, strict=True):
+        for k, column in zip(indices, columns.T, strict=True):
             values[c][k] = column.copy()
     return dataclasses.replace(x, values=tuple(map(tuple, values)))
 
@@ -303,14 +303,18 @@ class _Channel:
         return rest - gaussian_filter1d(rest, width, axis=0)
 
     def endogenous_share(self) -> np.ndarray:
-        """Return the share (a, 1) of a gain's force that comes with unexplained thrust."""
+        """Return fast changes of thrust that instruments do not explain, over thrust.
+
+        By window in the air, (a, 1). A gain's force is in proportion to thrust, so that this share
+        of it is endogenous.
+        """
         thrust = self.instruments.signal[self.name]
-        # where thrust all but vanishes, as in a drop, the share would be endless
+        # thrust below a descent's, as in a drop, would make the ratio endless
         least = settings.prepare.descent_share * thrust.mean()
         return self.fast_remainder(thrust[:, None]) / np.maximum(thrust, least)[:, None]
 
 
-Part = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray]
+PartOfColumns = Callable[[np.ndarray, Sequence[str], _Channel], np.ndarray]
 
 
 def _dynamic(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
@@ -380,7 +384,7 @@ def _is_range(channel: _Channel) -> bool:
     return channel.name == "range"
 
 
-PARTS: tuple[tuple[str, Callable[[_Channel], bool], Part], ...] = (
+PARTS: tuple[tuple[str, Callable[[_Channel], bool], PartOfColumns], ...] = (
     ("dynamic", _is_balance, _dynamic),
     ("thrust_gain", _is_balance, _thrust_gain),
     ("rotor", _is_roll_or_pitch, _changes),
@@ -414,7 +418,7 @@ class EndogenousPart:
     column: np.ndarray
     air: np.ndarray
     channel: _Channel
-    of_columns: Part
+    of_columns: PartOfColumns
 
     @functools.cached_property
     def acts(self) -> bool:
@@ -459,7 +463,7 @@ def endogenous_parts(
     ----------
     keys, x : ``effect.parameter`` of every column, and the columns (m, C, K).
     length_s : support of a window.
-    channels : names of the channels without gaps, by number.
+    channels : names of the channels without gaps, by index.
     instruments : of the flight.
     air : (m,) True for windows in the air; parts are zero elsewhere.
     on : effects of the model.
@@ -482,11 +486,11 @@ def endogenous_parts(
             if shows(channel):
                 # of a force and its moment the one that acts here
                 here = dict(zip(x.at[c].tolist(), x.values[c], strict=True))
-                acting = here if kind == MOTION else ()
+                preferred = here if kind == MOTION else ()
                 parts[kind, c] = {
                     key: EndogenousPart(
                         key,
-                        here.get(next((k for k in ks if k in acting), ks[0]), nothing),
+                        here.get(next((k for k in ks if k in preferred), ks[0]), nothing),
                         air,
                         channel,
                         part,

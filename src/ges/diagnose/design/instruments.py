@@ -153,7 +153,7 @@ def instruments(
 def rotor_signals(
     flight: Prepared, windows: Windows, model: Model, speeds: np.ndarray, names: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Compute the thrust and moment of the acting rotor speeds, and commands of a drive.
+    """Compute the rotors' thrust or moment, or a drive's command, by channel and window.
 
     Parameters
     ----------
@@ -165,7 +165,8 @@ def rotor_signals(
 
     Returns
     -------
-    By channel, (m,); without faster averages that the flight's windows lack.
+    By channel, (m,): the moment, N m, or the command of that name, and the thrust along body z, N,
+    for every other channel. Channels of test functions that the windows lack are left out.
     """
     speeds_by_name = dict(zip(rotor_speed(model.n_rotors), speeds.T, strict=True))
     # without effects: the rotors' own thrust and moment
@@ -225,8 +226,8 @@ def directions(z: np.ndarray) -> np.ndarray:
     -------
     (m, r) orthonormal directions.
     """
-    size = np.sqrt((z**2).sum(axis=0))
-    z = z[:, size > 0] / size[size > 0]
+    norm = np.sqrt((z**2).sum(axis=0))
+    z = z[:, norm > 0] / norm[norm > 0]
     # lags of one slow signal are nearly alike: directions that are but rounding are left out
     u, s, _ = np.linalg.svd(z, full_matrices=False)
     return u[:, s > settings.numerics.small * s.max(initial=0.0)]
@@ -254,7 +255,7 @@ def instrument_strength(signal: np.ndarray, z: np.ndarray, block: np.ndarray) ->
     ----------
     signal : (m,).
     z : (m, j) instruments.
-    block : (m,) number of the block of time.
+    block : (m,) index of the block of time.
 
     Notes
     -----
@@ -263,10 +264,10 @@ def instrument_strength(signal: np.ndarray, z: np.ndarray, block: np.ndarray) ->
     """
     centred = signal - signal.mean()
     total = float(centred @ centred)
-    size = np.sqrt((z**2).mean(axis=0))
-    z, missed = z[:, size > 0] / size[size > 0], np.zeros_like(signal)
+    rms = np.sqrt((z**2).mean(axis=0))
+    z, missed = z[:, rms > 0] / rms[rms > 0], np.zeros_like(signal)
     # whole blocks are left out, as windows close in time predict each other;
-    # columns have unit size, so a ridge counts in windows
+    # columns have unit rms, so a ridge counts in windows
     fold, ridge = block % settings.statistics.folds, settings.statistics.ridge_windows
     for f in np.unique(fold):
         out = fold == f

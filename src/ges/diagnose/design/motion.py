@@ -104,7 +104,7 @@ class Motion:
 
 
 def motion_of(
-    flight: Prepared, model: Model, effects: effect_table.Effects, like: Motion | None = None
+    flight: Prepared, model: Model, effects: effect_table.Effects, reuse: Motion | None = None
 ) -> Motion:
     """Return the motion of a flight, with sensor faults undone.
 
@@ -113,9 +113,9 @@ def motion_of(
     flight : prepared recording.
     model : of the vehicle.
     effects : of which sensor faults count.
-    like : motion of the same flight and vehicle under other faults.
+    reuse : motion of the same flight and vehicle under other faults.
     """
-    as_read = like.as_read if like else state_columns(flight, model)
+    as_read = reuse.as_read if reuse else state_columns(flight, model)
     return Motion(
         undo_sensor_faults(as_read, model, effects), as_read, model.number("gravity_m_s2")
     )

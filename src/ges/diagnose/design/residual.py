@@ -301,19 +301,23 @@ def _range_output(
     output: effect_table.Replay,
     reuse: Evaluation | None,
 ) -> effect_table.Replay:
-    """Return model output for a rangefinder, with its memory, and with the attitude as it was read.
+    """Return the model output from which the rangefinder's residual is made.
 
-    On uneven ground its beam sees a patch and not a point. Where it falls carries no information on
-    an error of the attitude.
+    Range effects with memory are on here and nowhere else (see :func:`range_lags`). The attitude is
+    the one that was read: on uneven ground the beam shows a patch. Its place says nothing of an
+    attitude error. It is ``output`` itself without either, and that of ``reuse`` where the range
+    effects are the same.
     """
     if not turning_faults(effects) and not range_lags(effects):
         return output
-    seen = _of_the_range(effects)
-    if reuse and reuse.range_output and seen == _of_the_range(reuse.effects):
+    range_effects = _of_the_range(effects)
+    if reuse and reuse.range_output and range_effects == _of_the_range(reuse.effects):
         return reuse.range_output
     samples = _samples(flight, motion_of(flight, model, {}, motion), drive.acting)
     wanted = _outputs_of(["range"])
-    return effect_table.replay(model.parameters, samples, seen, model.terrain, wanted=wanted)
+    return effect_table.replay(
+        model.parameters, samples, range_effects, model.terrain, wanted=wanted
+    )
 
 
 def _of_the_range(effects: effect_table.Effects) -> dict:
@@ -393,8 +397,8 @@ def _force(
     """
     apparent = motion.velocity_terms[1]
     nominal_mass = model.number("mass_kg")
-    acting = (nominal_mass / float(output["mass_kg"][0])) * output.force_N
-    rest = windows.mean @ (nominal_mass * apparent - acting)
+    modelled = (nominal_mass / float(output["mass_kg"][0])) * output.force_N
+    rest = windows.mean @ (nominal_mass * apparent - modelled)
     return {n: nominal_mass * measured[n] + r for n, r in zip(FORCE, rest.T, strict=True)}
 
 
@@ -410,19 +414,17 @@ def _moment(
 ) -> dict[str, np.ndarray]:
     """Return the residual I dOmega + Omega x I Omega - M in the body frame.
 
-    It is scaled by nominal over modelled inertia.
-
-    In that unit a wrong inertia scales the model and not the measurement. Otherwise the best fit
-    would shrink both to nothing.
+    It is scaled by nominal over modelled inertia. In that unit a wrong inertia scales the model and
+    not the measurement. Otherwise the best fit would shrink both to nothing.
     """
     inertia = output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
     nominal = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
     # Omega x I Omega along principal axes: products of rates times differences of inertia
     differences = np.roll(inertia, 1, axis=1) - np.roll(inertia, -1, axis=1)
     # (1) of docs/method.md over the modelled inertia, then times the nominal one
-    acting = (motion.rate_products * differences - output.moment_Nm) / inertia
+    modelled = (motion.rate_products * differences - output.moment_Nm) / inertia
     rests = [
-        (mark, mean @ acting) for mark, mean, _ in _test_functions_of(windows, MOMENT[0], names)
+        (mark, mean @ modelled) for mark, mean, _ in _test_functions_of(windows, MOMENT[0], names)
     ]
     return {
         name + mark: inertia * (measured[name + mark] + column)

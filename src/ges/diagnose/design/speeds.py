@@ -55,23 +55,25 @@ def expected_speeds(readings: np.ndarray, commanded: np.ndarray, dt_s: float) ->
 
     Notes
     -----
-    A reading is w_commanded + sum_j c_j b_j + level + noise. The level walks at random, and b spans
-    another lag. It consists of exponential averages of w_commanded, as in Laguerre models (Wahlberg
-    1991, IEEE Trans. Autom. Control 36, 551), and its rate where it rises.
+    A reading is w_commanded + sum_j c_j b_j + random walk + noise, where b spans another lag. It
+    consists of exponential averages of w_commanded, as in Laguerre models (Wahlberg 1991, IEEE
+    Trans. Autom. Control 36, 551), and its rate where it rises.
     """
     differences, lags = readings - commanded, [_lag_basis(w, dt_s) for w in commanded.T]
     # one drive for all rotors, by normal equations: logs may be long
     gram = sum(b.T @ b for b in lags)
     right = sum(b.T @ (e - e.mean()) for b, e in zip(lags, differences.T, strict=True))
-    size = np.linalg.pinv(gram, hermitian=True) @ right
-    lagged = commanded + np.stack([b @ size for b in lags], axis=1)
-    return lagged + np.stack([_level(e) for e in (readings - lagged).T], axis=1)
+    coefficients = np.linalg.pinv(gram, hermitian=True) @ right
+    lagged = commanded + np.stack([b @ coefficients for b in lags], axis=1)
+    return lagged + np.stack([_random_walk(e) for e in (readings - lagged).T], axis=1)
 
 
 def _lag_basis(commanded: np.ndarray, dt_s: float) -> np.ndarray:
-    """Return what another lag adds to a speed (n,), as (n, k) about its mean.
+    """Return basis functions of a change of lag for one rotor, (n, 2 octaves + 1), rad/s.
 
-    Averages run over two rows and more, an octave apart, up to the shortest window.
+    They are the speed smoothed once and twice, less the speed. Exponential averages are over 2, 4,
+    8 ... rows, up to the shortest window. The last function is the rise per row, zero in falls: a
+    motor speeds up slower than it slows down. Each is less its mean.
     """
     octaves = math.ceil(math.log2(settings.design.window_shortest_s / dt_s))
     gains = [0.5**k for k in range(1, octaves + 1)]
@@ -83,8 +85,8 @@ def _lag_basis(commanded: np.ndarray, dt_s: float) -> np.ndarray:
     return added - added.mean(axis=0)
 
 
-def _level(readings: np.ndarray) -> np.ndarray:
-    """Return expected level (n,) of a random walk that is read with white noise.
+def _random_walk(readings: np.ndarray) -> np.ndarray:
+    """Return the expected value (n,) of a random walk that is read with white noise.
 
     The gain of the steady Kalman filter is the most probable one. Forward and backward the filter
     is an exponential average (Durbin and Koopman 2012, Time Series Analysis by State Space Methods,

@@ -221,8 +221,8 @@ def window_length_s(flights: Sequence[Prepared]) -> float:
     return max(settings.design.window_shortest_s, settings.design.window_updates * slowest)
 
 
-def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...]:
-    """Return the channels that at least one flight has.
+def channels_of_any(flights: Sequence[Prepared], model: Model) -> tuple[str, ...]:
+    """Return the channels that any flight has, those of the flight with most first.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def common_channels(flights: Sequence[Prepared], model: Model) -> tuple[str, ...
 
     Returns
     -------
-    In the order of the first flight that has most of them.
+    Their names.
     """
     listed = [channels(flight, model) for flight in flights]
     return tuple(
@@ -266,7 +266,7 @@ def flight_rows(
     columns: Sequence[DesignColumn],
     length_s: float,
     computed_columns: Mapping | None = None,
-    like: FlightRows | None = None,
+    reuse: FlightRows | None = None,
     drive: Drive | None = None,
 ) -> FlightRows:
     """Compute residuals and columns of one flight.
@@ -279,7 +279,7 @@ def flight_rows(
     columns : of the design.
     length_s : support of the test functions.
     computed_columns : columns to reuse, by recipe.
-    like : rows of the same flight, whose windows, instruments and covariate are reused. These
+    reuse : rows of the same flight, whose windows, instruments and covariate are reused. These
         hardly change with effects, and costs compare under one likelihood only.
     drive : rotor speeds of the model, where they are known.
 
@@ -288,8 +288,8 @@ def flight_rows(
     A column is minus the residual's change per unit of its coefficient.
     """
     windows = (
-        like.windows
-        if like
+        reuse.windows
+        if reuse
         else make_windows(flight.t_s, flight.driven, length_s, half_waves(flight, length_s))
     )
     air = windows.within(flight.flying)
@@ -314,10 +314,10 @@ def flight_rows(
     ]
     # what is constant in a moment, or goes with thrust, is a trim; with other trims in every round
     # of a fit no cost would fall along the columns
-    trim_thrust = _thrust_N(model, like.drive) if like and like.drive else thrust
+    trim_thrust = _thrust_N(model, reuse.drive) if reuse and reuse.drive else thrust
     x = subtract_trims(dynamic, x, windows, names, trim_thrust, base.motion.omega, air)
-    if like or not settings.design.instruments:
-        instruments = like.instruments if like else None
+    if reuse or not settings.design.instruments:
+        instruments = reuse.instruments if reuse else None
     else:
         instruments = flight_instruments(
             flight, windows.select(air), model, names, y[air], base.drive.acting
@@ -327,14 +327,14 @@ def flight_rows(
         windows,
         y,
         x,
-        like.covariate if like else thrust_change(flight, windows, model, thrust),
+        reuse.covariate if reuse else thrust_change(flight, windows, model, thrust),
         {},
         instruments,
         air,
         _drive_form_error(flight, windows, names, base.drive.commanded),
         base.drive,
     )
-    return dataclasses.replace(rows, endogenous=_endogenous(rows, model, names, columns, like))
+    return dataclasses.replace(rows, endogenous=_endogenous(rows, model, names, columns, reuse))
 
 
 def _endogenous(
@@ -342,14 +342,14 @@ def _endogenous(
     model: Model,
     names: Sequence[str],
     columns: Sequence[DesignColumn],
-    like: FlightRows | None,
+    reuse: FlightRows | None,
 ) -> EndogenousParts:
     """Return what instruments do not explain of the columns; of nuisances as it was before."""
     # projected over all windows in the air: a channel that has gaps, or had any, has none
-    alike = [rows, like] if like else [rows]
-    whole = np.all([np.isfinite(r.y[r.air]).all(axis=0) for r in alike], axis=0)
+    same_windows = [rows, reuse] if reuse else [rows]
+    whole = np.all([np.isfinite(r.y[r.air]).all(axis=0) for r in same_windows], axis=0)
     in_air = {c: name for c, name in enumerate(names) if whole[c]}
-    own = [k for k, c in enumerate(columns) if not (like and c.nuisance)]
+    own = [k for k, c in enumerate(columns) if not (reuse and c.nuisance)]
     # of an effect that is on, the moment's part has a coefficient of its own, endogenous by itself
     separate_keys = [
         f"{c.key}{OWN_MOMENT}"
@@ -372,9 +372,9 @@ def _endogenous(
         if rows.instruments
         else {}
     )
-    if not like:
+    if not reuse:
         return parts
-    earlier = {at: own for at, own in like.endogenous.items() if at[1] in in_air}
+    earlier = {at: own for at, own in reuse.endogenous.items() if at[1] in in_air}
     return merge_endogenous_parts(earlier, parts, model.effects)
 
 
@@ -422,26 +422,29 @@ def _thrust_N(model: Model, drive: Drive) -> np.ndarray:
     return model.number("thrust_coefficient_N_s2") * (drive.acting**2).sum(axis=1)
 
 
-def with_trims_of(system: System, other: Model, like: System) -> System:
+def with_trims_of(system: System, other: Model, reuse: System) -> System:
     """Return the system with the trims of moments of another model.
 
     Parameters
     ----------
     system : of a model with effects whose columns lack their trim.
     other : the model without these effects.
-    like : system of the same flights that ``system`` was built like; a trim goes with its thrust.
+    reuse : system of the same flights whose parts ``system`` reuses; a trim goes with its thrust.
 
     Notes
     -----
     A residual is without what its columns are without; else no cost falls along them.
     """
 
-    def of_flight(rows: FlightRows, like_rows: FlightRows) -> FlightRows:
+    def of_flight(rows: FlightRows, reused_rows: FlightRows) -> FlightRows:
         before = flight_residuals(rows, system.names, other, "moment")
         change = rows.y - before
         whole = np.isfinite(change[rows.air]).all(axis=0)
         moments = [c for c, n in enumerate(system.names) if block_of(n) == "moment" and whole[c]]
-        drive, motion = like_rows.drive, motion_of(rows.flight, system.model, system.model.effects)
+        drive, motion = (
+            reused_rows.drive,
+            motion_of(rows.flight, system.model, system.model.effects),
+        )
         if drive is None:
             raise ValueError("the drive of a flight is not known; build the system anew")
         without_trim = subtract_trims(
@@ -458,7 +461,7 @@ def with_trims_of(system: System, other: Model, like: System) -> System:
             y[:, c] = before[:, c] + without_trim.of(c, [0])[:, 0]
         return dataclasses.replace(rows, y=y)
 
-    flights = each(of_flight, system.flights, like.flights)
+    flights = each(of_flight, system.flights, reuse.flights)
     return dataclasses.replace(system, flights=tuple(flights))
 
 
@@ -544,7 +547,7 @@ def build(
     flights: Sequence[Prepared],
     model: Model,
     variants: Sequence[Variant],
-    like: System | None = None,
+    reuse: System | None = None,
     length_s: float | None = None,
 ) -> System:
     """Build the system: nuisance columns first, then every amplitude of every variant.
@@ -554,13 +557,13 @@ def build(
     flights : prepared recordings.
     model : about which the columns are linearised.
     variants : of candidates.
-    like : a system of the same flights and channels. Windows and instruments are reused, and
+    reuse : a system of the same flights and channels. Windows and instruments are reused, and
         nuisance columns at the same corrections, which hardly change with effects; all columns
         where the model is the same.
     length_s : support of the test functions; of :func:`window_length_s` where not given.
     """
-    main = common_channels(flights, model)
-    length_s = like.length_s if like else length_s or window_length_s(flights)
+    main = channels_of_any(flights, model)
+    length_s = reuse.length_s if reuse else length_s or window_length_s(flights)
     # a sine and a cosine of every half-wave
     names = with_higher_orders(main, 2 * max(half_waves(f, length_s) for f in flights))
     columns = (
@@ -576,7 +579,7 @@ def build(
             for j in range(len(v.amplitudes))
             for part in parts
         ]
-    return _build_columns(flights, model, names, columns, like, length_s)
+    return _build_columns(flights, model, names, columns, reuse, length_s)
 
 
 def with_columns(system: System, columns: Sequence[DesignColumn]) -> System:
@@ -597,16 +600,16 @@ def _build_columns(
     model: Model,
     names: tuple[str, ...],
     columns: Sequence[DesignColumn],
-    like: System | None,
+    reuse: System | None,
     length_s: float,
 ) -> System:
     """Build the system of these channels and columns."""
-    reused: Sequence[FlightRows | None] = like.flights if like else [None] * len(flights)
+    reused: Sequence[FlightRows | None] = reuse.flights if reuse else [None] * len(flights)
     wanted = {c.recipe for c in columns}
     computed_columns = [
-        _computed_columns(like, r, model, wanted) if like and r else {} for r in reused
+        _computed_columns(reuse, r, model, wanted) if reuse and r else {} for r in reused
     ]
-    same_drive = like is not None and have_same_drive(like.model, model)
+    same_drive = reuse is not None and have_same_drive(reuse.model, model)
     # another path leaves the columns of a flight, and what its commands do, as they were
     drives = [
         r.drive if r and same_drive and r.flight.columns is f.columns else None

@@ -85,17 +85,17 @@ class Errors:
     ----------
     by_drive : (g, d, n) model errors of a drive, whitened.
     by_feedback : errors that feedback may have caused.
-    whiten : what whitens columns (g, w, m).
+    filter_rows : what whitens columns (g, w, m).
     """
 
     by_drive: np.ndarray
     by_feedback: tuple[FeedbackErrors, ...]
-    whiten: Callable[[np.ndarray], np.ndarray]
+    filter_rows: Callable[[np.ndarray], np.ndarray]
 
     def columns(self) -> np.ndarray:
         """Return the columns whitened, (g, j, n)."""
         errors = [
-            _whitened_parts(self.whiten, e.parts) * e.size[..., None] for e in self.by_feedback
+            _whitened_parts(self.filter_rows, e.parts) * e.size[..., None] for e in self.by_feedback
         ]
         return np.concatenate([self.by_drive, *errors], axis=1)
 
@@ -114,36 +114,37 @@ class Errors:
         """B (g, r, n) of (1 + A^T A)^(-1/2) = 1 - B^T B, for errors A of rank r."""
         # A A^T = V s V^T, and B = (q + q^2)^(-1/2) V^T A with q^2 = 1 + s
         columns = self.columns()
-        size, v = np.linalg.eigh(columns @ columns.swapaxes(1, 2))
+        eigenvalues, v = np.linalg.eigh(columns @ columns.swapaxes(1, 2))
         # many numbers of a drive do the same: what no channel has beyond rounding goes
-        rounding = size.shape[1] * np.finfo(float).eps * size.max(axis=1, initial=0.0)
-        kept = (size > rounding[:, None]).any(axis=0)
-        root = np.sqrt(1.0 + np.maximum(size[:, kept], 0.0))
+        most = eigenvalues.max(axis=1, initial=0.0)
+        rounding = eigenvalues.shape[1] * np.finfo(float).eps * most
+        kept = (eigenvalues > rounding[:, None]).any(axis=0)
+        root = np.sqrt(1.0 + np.maximum(eigenvalues[:, kept], 0.0))
         return (v[:, :, kept] / np.sqrt(root * (1.0 + root))[:, None]).swapaxes(1, 2) @ columns
 
 
 def _whitened_parts(
-    whiten: Callable[[np.ndarray], np.ndarray], parts: Sequence[Sequence[EndogenousPart]]
+    filter_rows: Callable[[np.ndarray], np.ndarray], parts: Sequence[Sequence[EndogenousPart]]
 ) -> np.ndarray:
     """Return j endogenous parts of each of g channels whitened, (g, j, n)."""
-    return whiten(np.stack([values_of(own) for own in parts]))
+    return filter_rows(np.stack([values_of(own) for own in parts]))
 
 
-def _whitened(whiten: Callable[[np.ndarray], np.ndarray], columns: Columns) -> np.ndarray:
+def _whitened(filter_rows: Callable[[np.ndarray], np.ndarray], columns: Columns) -> np.ndarray:
     """Return w columns of each of g channels whitened, (g, w, n)."""
     flat = [column for own in columns for column in own]
-    return whiten(np.stack(flat).reshape(len(columns), len(columns[0]), -1))
+    return filter_rows(np.stack(flat).reshape(len(columns), len(columns[0]), -1))
 
 
 @dataclasses.dataclass(frozen=True)
-class WhitePart:
+class WhiteGroup:
     """Channels of a whitened flight that have the same rows, columns and kinds of errors.
 
     Attributes
     ----------
-    channels : numbers of the g channels.
+    channels : indices of the g channels.
     at : (n,) usable rows.
-    columns : (k,) numbers of the columns that act there.
+    columns : (k,) indices of the columns that act there.
     y : (g, n) residuals of g channels.
     unfiltered : those k columns of each channel.
     innovations : what whitens columns (g, w, m).
@@ -165,31 +166,31 @@ class WhitePart:
     innovations: Callable[[np.ndarray], np.ndarray]
     errors: Errors
     log_sd: float = 0.0
-    first: WhitePart | None = None
+    first: WhiteGroup | None = None
 
     def of(self, wanted: Indices) -> np.ndarray:
         """Return some whitened columns.
 
         Parameters
         ----------
-        wanted : numbers of w of the columns that act there.
+        wanted : indices of w of the columns that act there.
 
         Returns
         -------
         (g, w, n).
         """
-        places = np.searchsorted(self.columns, wanted)
-        if not len(places):
+        at = np.searchsorted(self.columns, wanted)
+        if not len(at):
             return np.zeros((len(self.y), 0, len(self.at)))
-        picked = tuple(tuple(own[i] for i in places) for own in self.unfiltered)
+        picked = tuple(tuple(own[i] for i in at) for own in self.unfiltered)
         return _whitened(self.innovations, picked)
 
     @functools.cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Products of all columns that act there and the residuals, and with feedback errors.
 
-        Columns with residuals behind them, with themselves (g, k + 1, k + 1); errors with errors
-        (g, j, j) and with those (g, j, k + 1).
+        Columns with residuals behind them, times themselves, (g, k + 1, k + 1). Errors times
+        errors, (g, j, j), and times those columns, (g, j, k + 1).
         """
         rows = np.concatenate([self.of(self.columns), self.y[:, None]], axis=1)
         errors, turned = self.errors.columns(), rows.swapaxes(1, 2)
@@ -205,34 +206,34 @@ class WhitePart:
 
         Parameters
         ----------
-        wanted : numbers of w of the columns that act there.
+        wanted : indices of w of the columns that act there.
 
         Returns
         -------
         (g, w + 1, n). Their products are those that errors leave when they are integrated out.
         """
-        first, numbers = self.first or self, np.asarray(wanted, dtype=int)
+        first, indices = self.first or self, np.asarray(wanted, dtype=int)
         # columns that the first round had, too, are the same objects
-        places = {
+        index_by_ids = {
             tuple(map(id, own)): i for i, own in enumerate(zip(*first.unfiltered, strict=True))
         }
         own = list(zip(*self.unfiltered, strict=True))
         at = np.array(
             [
-                places.get(tuple(map(id, own[k])), -1)
-                for k in np.searchsorted(self.columns, numbers)
+                index_by_ids.get(tuple(map(id, own[k])), -1)
+                for k in np.searchsorted(self.columns, indices)
             ],
             dtype=int,
         )
-        rows = np.empty((len(self.y), len(numbers) + 1, len(self.at)))
+        rows = np.empty((len(self.y), len(indices) + 1, len(self.at)))
         known, new = np.flatnonzero(at >= 0), np.flatnonzero(at < 0)
         rows[:, known] = first.shrunk[:, at[known]]
-        rows[:, np.r_[new, len(numbers)]] = self.errors.shrink(
-            np.concatenate([self.of(numbers[new]), self.y[:, None]], axis=1)
+        rows[:, np.r_[new, len(indices)]] = self.errors.shrink(
+            np.concatenate([self.of(indices[new]), self.y[:, None]], axis=1)
         )
         return rows
 
-    def with_feedback_errors(self, errors: FeedbackErrors) -> WhitePart:
+    def with_feedback_errors(self, errors: FeedbackErrors) -> WhiteGroup:
         """Return a copy with more errors that feedback may have caused.
 
         Parameters
@@ -251,11 +252,11 @@ class White:
 
     Attributes
     ----------
-    parts : channels with usable rows, by what they have in common.
+    groups : channels with usable rows, by what they have in common.
     count : number of all columns.
     """
 
-    parts: tuple[WhitePart, ...]
+    groups: tuple[WhiteGroup, ...]
     count: int
 
     def with_errors_of(self, other: White) -> White | None:
@@ -265,25 +266,25 @@ class White:
         ----------
         other : the same flight, whitened by the same noise.
         """
-        pairs = list(zip(self.parts, other.parts, strict=False))
-        same = len(self.parts) == len(other.parts) and all(
+        pairs = list(zip(self.groups, other.groups, strict=False))
+        same = len(self.groups) == len(other.groups) and all(
             one.channels == known.channels
             and np.array_equal(one.at, known.at)
             and np.array_equal(one.errors.by_drive, known.errors.by_drive)
             for one, known in pairs
         )
-        parts = tuple(
+        groups = tuple(
             dataclasses.replace(one, errors=known.errors, first=known.first or known)
             for one, known in pairs
         )
-        return White(parts, self.count) if same else None
+        return White(groups, self.count) if same else None
 
 
 def whiten(
     flights: Sequence[FlightRows],
     noise: NoiseModel,
     covariate: Sequence[np.ndarray],
-    like: Sequence[White] = (),
+    reuse: Sequence[White] = (),
 ) -> tuple[White, ...]:
     """Filter residuals and columns by the same noise model.
 
@@ -292,7 +293,7 @@ def whiten(
     flights : rows by flight.
     noise : of the channels.
     covariate : by flight, (m,) of :func:`variance_covariate`.
-    like : the same flights, whitened by the same noise with the same endogenous parts. They share
+    reuse : the same flights, whitened by the same noise with the same endogenous parts. They share
         their errors, where the rows are the same.
 
     Notes
@@ -304,8 +305,8 @@ def whiten(
     whites = tuple(
         each(lambda rows, u: _whiten_flight(rows, noise, filters, u), flights, covariate)
     )
-    shared = [white.with_errors_of(known) for white, known in zip(whites, like, strict=False)]
-    if like and all(shared):
+    shared = [white.with_errors_of(known) for white, known in zip(whites, reuse, strict=False)]
+    if reuse and all(shared):
         return tuple(white for white in shared if white)
     return _with_feedback_errors(flights, whites, noise)
 
@@ -315,35 +316,36 @@ def _with_feedback_errors(
 ) -> tuple[White, ...]:
     """Return whitened flights with the errors that feedback may have caused."""
     powers = each(_power_of_endogenous, flights, whites)
-    parts = [{part.channels: part for part in white.parts} for white in whites]
+    by_channels = [{group.channels: group for group in white.groups} for white in whites]
     # one kind of response has one cause over all flights and channels, so they are bounded
     # together; the disturbance is larger than the noise by all that chosen effects explain
     for kind in dict.fromkeys(kind for power in powers for kind, _ in power):
         of_kind = [{c: p for (k, c), p in power.items() if k == kind} for power in powers]
-        for rows, own, bounds in zip(flights, parts, _error_bounds(of_kind), strict=True):
-            for group in [group for group in own if group[0] in bounds]:
-                acting, at = _endogenous(rows, kind, group)
+        for rows, own, bounds in zip(flights, by_channels, _error_bounds(of_kind), strict=True):
+            for channels in [channels for channels in own if channels[0] in bounds]:
+                parts, at = _endogenous(rows, kind, channels)
                 if at:
-                    sizes = np.stack([bounds[c][at] for c in group])
-                    errors = FeedbackErrors(acting, sizes, noise.disturbance[list(group)])
-                    own[group] = own[group].with_feedback_errors(errors)
+                    bound = np.stack([bounds[c][at] for c in channels])
+                    errors = FeedbackErrors(parts, bound, noise.disturbance[list(channels)])
+                    own[channels] = own[channels].with_feedback_errors(errors)
     return tuple(
-        White(tuple(own.values()), white.count) for own, white in zip(parts, whites, strict=True)
+        White(tuple(own.values()), white.count)
+        for own, white in zip(by_channels, whites, strict=True)
     )
 
 
 def _power_of_endogenous(rows: FlightRows, white: White) -> dict[tuple[str, int], np.ndarray]:
     """Return mean squares (j,) of the whitened endogenous parts, by kind and channel."""
     power: dict[tuple[str, int], np.ndarray] = {}
-    for part in white.parts:
-        group = part.channels
-        for kind in (kind for kind, channel in rows.endogenous if channel == group[0]):
-            parts, at = _endogenous(rows, kind, group)
-            mean_squares = np.zeros((len(group), len(rows.endogenous[kind, group[0]])))
+    for group in white.groups:
+        channels = group.channels
+        for kind in (kind for kind, channel in rows.endogenous if channel == channels[0]):
+            parts, at = _endogenous(rows, kind, channels)
+            mean_squares = np.zeros((len(channels), len(rows.endogenous[kind, channels[0]])))
             if at:
-                whitened = _whitened_parts(part.innovations, parts)
+                whitened = _whitened_parts(group.innovations, parts)
                 mean_squares[:, at] = (whitened**2).mean(axis=2)
-            power.update(((kind, c), own) for c, own in zip(group, mean_squares, strict=True))
+            power.update(((kind, c), own) for c, own in zip(channels, mean_squares, strict=True))
     return power
 
 
@@ -352,7 +354,7 @@ def _endogenous(
 ) -> tuple[tuple[list[EndogenousPart], ...], list[int]]:
     """Return the endogenous parts of those columns that act on some of g channels.
 
-    They come with their numbers among all of the kind.
+    They come with their indices among all of the kind.
     """
     every = [list(rows.endogenous[kind, c].values()) for c in channels]
     at = [i for i, own in enumerate(zip(*every, strict=True)) if any(p.acts for p in own)]
@@ -378,10 +380,13 @@ def _error_bounds(power: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, n
     """
     every = [p for of_flight in power for p in of_flight.values()]
     # participation ratio: among how many flights and channels the column's power is shared
-    alike = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
+    shared_count = sum(every) ** 2 / np.maximum(sum(p**2 for p in every), settings.numerics.tiny)
     # (5) of docs/method.md: root mean square rho in sds of the noise, times the root of that number
     return [
-        {c: np.sqrt(alike / np.maximum(p, settings.numerics.tiny)) for c, p in of_flight.items()}
+        {
+            c: np.sqrt(shared_count / np.maximum(p, settings.numerics.tiny))
+            for c, p in of_flight.items()
+        }
         for of_flight in power
     ]
 
@@ -390,44 +395,44 @@ def _whiten_flight(
     rows: FlightRows, noise: NoiseModel, filters: Sequence[np.ndarray], covariate: np.ndarray
 ) -> White:
     """Return a whitened flight, without errors that feedback may have caused."""
-    parts: list[WhitePart] = []
+    groups: list[WhiteGroup] = []
     order, past = noise.ar.shape[1], rows_followed(rows.y, rows_in_run(rows.follows))
     # replays settle from a start that they guess
     later = rows.windows.center > (order + 1) * rows.windows.half
     opening = later & ~rows.air
-    for group in _alike(rows, past, filters):
-        c, channels = group[0], list(group)
-        weights = np.stack([filters[c] for c in group])
+    for channels in _channel_groups(rows, past, filters):
+        c, listed = channels[0], list(channels)
+        weights = np.stack([filters[c] for c in channels])
         at = np.flatnonzero(
             (past[:, c] >= order) | (past[:, c] >= 0) & opening & (weights.shape[1] > 1)
         )
         if not len(at):
             continue
         # (4) of docs/method.md: the innovation's sd grows with what a slow stream may hide
-        growth = np.sqrt(1.0 + noise.growth[channels, None] * covariate[at] ** 2)
-        innovations = _innovations(at, past[at, c], weights, noise.sd[channels, None] * growth)
+        growth = np.sqrt(1.0 + noise.growth[listed, None] * covariate[at] ** 2)
+        innovations = _innovations(at, past[at, c], weights, noise.sd[listed, None] * growth)
         drive_errors = (
-            innovations(np.array([[rows.drive_error[c]] for c in group]))
+            innovations(np.array([[rows.drive_error[c]] for c in channels]))
             if c in rows.drive_error
-            else np.zeros((len(group), 0, len(at)))
+            else np.zeros((len(channels), 0, len(at)))
         )
         # one filter for residual, columns and errors: y = X beta + e holds after it, with e white
-        parts.append(
-            WhitePart(
-                group,
+        groups.append(
+            WhiteGroup(
+                channels,
                 at,
                 rows.x.at[c],
-                innovations(rows.y[:, None, channels].T)[:, 0],
-                tuple(rows.x.values[c] for c in group),
+                innovations(rows.y[:, None, listed].T)[:, 0],
+                tuple(rows.x.values[c] for c in channels),
                 innovations,
                 Errors(drive_errors, (), innovations),
                 float(np.log(innovations.sd).sum()),
             )
         )
-    return White(tuple(parts), rows.x.shape[2])
+    return White(tuple(groups), rows.x.shape[2])
 
 
-def _alike(
+def _channel_groups(
     rows: FlightRows, past: np.ndarray, filters: Sequence[np.ndarray]
 ) -> list[tuple[int, ...]]:
     """Return the channels in groups of the same rows, columns and kinds of errors.
@@ -439,14 +444,14 @@ def _alike(
     for (kind, c), parts in rows.endogenous.items():
         errors.setdefault(c, []).append((kind, len(parts)))
     for c, weights in enumerate(filters):
-        alike = (
+        in_common = (
             past[:, c].tobytes(),
             len(weights),
             rows.x.at[c].tobytes(),
             tuple(errors.get(c, ())),
             c in rows.drive_error,
         )
-        groups.setdefault(alike, []).append(c)
+        groups.setdefault(in_common, []).append(c)
     return [tuple(group) for group in groups.values()]
 
 

@@ -327,7 +327,7 @@ class _Point:
     @property
     def cost_of_noise(self) -> float:
         """Twice the log sd of all innovations: with it costs under several noises compare."""
-        return 2.0 * sum(part.log_sd for white in self.regression.whites for part in white.parts)
+        return 2.0 * sum(g.log_sd for white in self.regression.whites for g in white.groups)
 
     @property
     def covariance(self) -> np.ndarray:
@@ -404,13 +404,13 @@ class _Rounds:
 
     Attributes
     ----------
-    like : system of the same flights, of the model without the effects.
+    base : system of the same flights, of the model without the effects.
     free : parameters that are fitted.
     flights : along the path of the fit.
     fixed_noise : noise model of all rounds, or None.
     """
 
-    like: System
+    base: System
     free: tuple[tuple[str, str], ...]
     flights: Sequence[Prepared]
     fixed_noise: NoiseModel | None
@@ -422,31 +422,31 @@ class _Rounds:
 
     def build_at(self, values: effect_table.Effects, chords: bool = False) -> System:
         """Build the system with a column of each free parameter, or of its chord to none."""
-        model = self.like.model
+        model = self.base.model
         amplitudes = [
             chords and _chord_amplitude(name, values) or _free_amplitude(name, values, model)
             for name in self.free
         ]
         variants = [Variant(e, {}, (a,)) for (e, _), a in zip(self.free, amplitudes, strict=True)]
-        return build(self.flights, model.with_effects(values), variants, self.like)
+        return build(self.flights, model.with_effects(values), variants, self.base)
 
     def linearise(
-        self, values: effect_table.Effects, own: System, known: Regression | None
+        self, values: effect_table.Effects, own: System, reuse: Regression | None
     ) -> tuple[_Point, System]:
         """Linearise under the noise and the feedback errors of a regression, or under new ones."""
-        system = own.with_endogenous_parts_of(known.system) if known else own
+        system = own.with_endogenous_parts_of(reuse.system) if reuse else own
         design = system
         if self.dynamic:
             # what a column is without, its residual is without
             without = {e: v for e, v in values.items() if e not in self.dynamic}
-            design = with_trims_of(system, self.like.model.with_effects(without), self.like)
-        noise = self.fixed_noise or (known.noise if known else None)
+            design = with_trims_of(system, self.base.model.with_effects(without), self.base)
+        noise = self.fixed_noise or (reuse.noise if reuse else None)
         regression = whiten_system(
             design,
             noise or estimate_noise(design, free_columns(design)),
-            known.whites if known else (),
+            reuse.whites if reuse else (),
         )
-        return _linearise(values, self.free, regression, self.like.model), system
+        return _linearise(values, self.free, regression, self.base.model), system
 
 
 def _values_with(
@@ -460,7 +460,7 @@ def _values_with(
 
 
 def polish(
-    like: System,
+    base: System,
     values: effect_table.Effects,
     free: Sequence[tuple[str, str]],
     flights: Sequence[Prepared] | None = None,
@@ -471,7 +471,7 @@ def polish(
 
     Parameters
     ----------
-    like : system of the same flights, of the model without these effects; its nuisance columns are
+    base : system of the same flights, of the model without these effects; its nuisance columns are
         reused.
     values, free : parameters of the effects, and which of them are fitted.
     flights : the same flights along another path; the system's own where not given.
@@ -486,20 +486,21 @@ def polish(
     start the noise is estimated again, and kept where it makes the flights likelier: noise and
     parameters in turn climb one likelihood.
     """
-    free, model = tuple(free), like.model
-    rounds = _Rounds(like, free, flights or like.recordings, fixed_noise)
+    free, model = tuple(free), base.model
+    rounds = _Rounds(base, free, flights or base.recordings, fixed_noise)
     at: _Point | None = None
     first: _Point | None = None
     ends: list[tuple[_Point, System]] = []
-    flown, taken, steps = like, 1.0, np.zeros(len(free))
+    flown, taken, steps = base, 1.0, np.zeros(len(free))
     bounds = np.array([fit_bounds(name, model) for name in free]).T
     # what a linear search or a balance asks for may be beyond what can be flown
     values = _values_with(values, free, np.clip([values[e][p] for e, p in free], *bounds))
     for _ in range(settings.numerics.fit_rounds):
         # one noise and one feedback for all rounds: costs under several would not compare
-        known = [first.regression] if first else [None, *([earlier.regression] if earlier else [])]
+        fresh_or_earlier = [None, *([earlier.regression] if earlier else [])]
+        reusable = [first.regression] if first else fresh_or_earlier
         own = rounds.build_at(values)
-        there, system = _likeliest([rounds.linearise(values, own, k) for k in known])
+        there, system = _likeliest([rounds.linearise(values, own, reuse) for reuse in reusable])
         # a step that promised more than it kept: less of it, from the best point so far. A cost of
         # one is that of one sd, and less than columns that are secants tell
         if at and first and there.cost > at.cost + 1.0:
@@ -543,19 +544,19 @@ def _finished(rounds: _Rounds, at: _Point, flown: System) -> Fitted:
     return Fitted(at.values, free, at.covariance, joint, at.joint, regression, chord)
 
 
-def with_levers(fitted: Fitted, like: System) -> Fitted:
+def with_levers(fitted: Fitted, base: System) -> Fitted:
     """Return a fit with the levers that its moments ask for, and with trims for these.
 
     Parameters
     ----------
     fitted : whose small moments have coefficients of their own.
-    like : system of the same flights, of the model without the effects.
+    base : system of the same flights, of the model without the effects.
     """
     values = _values_with_levers(fitted)
     if values == fitted.effects:
         return fitted
     before = fitted.regression
-    rounds = _Rounds(like, fitted.free, before.system.recordings, before.noise)
+    rounds = _Rounds(base, fitted.free, before.system.recordings, before.noise)
     regression = whiten_system(rounds.build_at(values), before.noise)
     chosen = free_columns(regression.system)
     joint = _refit_trims(regression, chosen, fitted.joint_free_moments, len(fitted.free))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ges.diagnose.design.system import common_channels
+from ges.diagnose.design.system import channels_of_any
 from ges.diagnose.design.weak import make_windows
 from ges.diagnose.locate.regimes import regime_variables
 from ges.diagnose.prepare.align import Prepared
@@ -83,7 +83,7 @@ def prove(
         return Proof(
             {"metric": _metric_words(), "holdout_flights": [], "channels": {}, "rollout": {}}
         )
-    channels, spacing_s = common_channels(flights, models["before"]), 0.5 * length_s
+    channels, spacing_s = channels_of_any(flights, models["before"]), 0.5 * length_s
     windows = [make_windows(f.t_s, f.flying, length_s) for f in flights]
     regimes = [
         regime_variables(f, w, models["after"]) for f, w in zip(flights, windows, strict=True)

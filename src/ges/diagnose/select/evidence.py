@@ -14,7 +14,7 @@ import numpy as np
 from ges.diagnose.design.columns import DesignColumn, nuisance_of, variant_of
 from ges.diagnose.design.noise import NoiseModel, estimate_noise, variance_covariate
 from ges.diagnose.design.system import System
-from ges.diagnose.design.whiten import White, WhitePart, whiten
+from ges.diagnose.design.whiten import White, WhiteGroup, whiten
 from ges.diagnose.select.bounded import log_mass, log_mass_within
 from ges.diagnose.settings import settings
 from ges.simulator import effects as effect_table
@@ -110,19 +110,19 @@ def gram_of(white: White, tempering: float = 1.0) -> Gram:
     tempering : how many times every row counts; a pure number.
     """
     xx, xy, yy, n = np.zeros((white.count, white.count)), np.zeros(white.count), 0.0, 0.0
-    for part in white.parts:
-        gram = _gram_of_part(part, tempering)
-        xx[np.ix_(part.columns, part.columns)] += gram.xx
-        xy[part.columns] += gram.xy
+    for group in white.groups:
+        gram = _gram_of_group(group, tempering)
+        xx[np.ix_(group.columns, group.columns)] += gram.xx
+        xy[group.columns] += gram.xy
         yy, n = yy + gram.yy, n + gram.n
     return Gram(xx, xy, yy, n)
 
 
-def _gram_of_part(part: WhitePart, tempering: float) -> Gram:
-    whole, inner, cross = (tempering * product for product in part.products)
+def _gram_of_group(group: WhiteGroup, tempering: float) -> Gram:
+    whole, inner, cross = (tempering * product for product in group.products)
     # Woodbury: (1 + C C^T)^-1 = 1 - C (1 + C^T C)^-1 C^T for the errors C
     whole = whole - cross.swapaxes(1, 2) @ np.linalg.solve(np.eye(inner.shape[1]) + inner, cross)
-    count = tempering * float(part.y.size)
+    count = tempering * float(group.y.size)
     return _gram_with_residuals(whole.sum(axis=0), count)
 
 
@@ -137,24 +137,24 @@ def block_grams(white: White, wanted: np.ndarray, block: np.ndarray) -> list[Gra
     Parameters
     ----------
     white : the flight.
-    wanted : numbers of w columns.
-    block : (m,) number of the block of every row.
+    wanted : indices of w columns.
+    block : (m,) index of the block of every row.
     """
-    numbers, block = np.unique(block, return_inverse=True)
-    products = np.zeros((len(numbers), len(wanted) + 1, len(wanted) + 1))
-    count = np.zeros(len(numbers))
-    for part in white.parts:
-        places = np.flatnonzero(np.isin(wanted, part.columns))
-        rows, number = part.shrunk_with_residuals(wanted[places]), block[part.at]
+    blocks, block = np.unique(block, return_inverse=True)
+    products = np.zeros((len(blocks), len(wanted) + 1, len(wanted) + 1))
+    count = np.zeros(len(blocks))
+    for group in white.groups:
+        indices = np.flatnonzero(np.isin(wanted, group.columns))
+        rows, own_block = group.shrunk_with_residuals(wanted[indices]), block[group.at]
         # rows of all channels side by side; they come in order of time, so that a block is one run
         rows, g = rows.transpose(1, 2, 0).reshape(rows.shape[1], -1), len(rows)
-        first = np.flatnonzero(np.diff(number, prepend=-1))
-        past = np.r_[first[1:], len(number)]
+        first = np.flatnonzero(np.diff(own_block, prepend=-1))
+        past = np.r_[first[1:], len(own_block)]
         runs = [rows[:, a:b] for a, b in zip(g * first, g * past, strict=True)]
         # the residual stands behind all columns
-        at = np.r_[places, len(wanted)]
-        products[np.ix_(number[first], at, at)] += np.stack([own @ own.T for own in runs])
-        count[number[first]] += g * (past - first)
+        at = np.r_[indices, len(wanted)]
+        products[np.ix_(own_block[first], at, at)] += np.stack([own @ own.T for own in runs])
+        count[own_block[first]] += g * (past - first)
     return [_gram_with_residuals(p, float(n)) for p, n in zip(products, count, strict=True)]
 
 
@@ -495,16 +495,16 @@ def make_regression(
     return dataclasses.replace(regression, by_flight=tuple(grams))
 
 
-def whiten_system(system: System, noise: NoiseModel, like: Sequence[White] = ()) -> Regression:
+def whiten_system(system: System, noise: NoiseModel, reuse: Sequence[White] = ()) -> Regression:
     """Whiten a system by a known noise, without normal equations: what a fit needs.
 
     Parameters
     ----------
     system : of the flights.
     noise : of its channels.
-    like : as of :func:`~ges.diagnose.design.whiten.whiten`.
+    reuse : as of :func:`~ges.diagnose.design.whiten.whiten`.
     """
-    whites = whiten(system.flights, noise, variance_covariate(system.flights), like)
+    whites = whiten(system.flights, noise, variance_covariate(system.flights), reuse)
     nuisance = np.array(
         [k for k, c in enumerate(system.columns) if c.nuisance is not None], dtype=int
     )
