@@ -133,7 +133,7 @@ def test_a_size_that_follows_a_regime_is_no_mean():
     assert size.q_value < 0.01 and found["force_x", ("forward_m_s",), False].q_value > 0.02
     fast = size.bounds["forward_m_s"][0] > 0.0
     assert size.rms == pytest.approx(0.4 if fast else 0.1, rel=0.15)
-    assert size.key == "force_x_size" and size.kind == "force"
+    assert size.key == "force_x_size"
 
 
 def test_what_is_absent_counts_nowhere():

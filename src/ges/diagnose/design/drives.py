@@ -73,10 +73,10 @@ def _fly_motors(
 
 def _of_commands(effects: effect_table.Effects) -> dict:
     """Return actuators that change the commands of another effect, and those effects."""
-    acting = {
+    modified = {
         n: m for n in effects_of_kind(effects, "actuator") if (m := effect_table.get(n).modifies)
     }
-    on = {*acting, *acting.values()}
+    on = {*modified, *modified.values()}
     return {name: values for name, values in effects.items() if name in on}
 
 
@@ -167,11 +167,11 @@ class Drive:
 
     Attributes
     ----------
-    acting : (n, rotors) rad/s, those that turn the air.
+    acting_speeds : (n, rotors) rad/s, those that turn the air.
     commanded : (n, rotors) rad/s, those that the commands make; None where no channel needs them.
     """
 
-    acting: np.ndarray
+    acting_speeds: np.ndarray
     commanded: np.ndarray | None
 
 
@@ -252,12 +252,12 @@ def have_same_drive(one: Model, other: Model) -> bool:
     ----------
     one, other : models.
     """
-    acting = [_of_drives(model.effects) for model in (one, other)]
+    drive_effects = [_drive_effects(model.effects) for model in (one, other)]
     same_vehicle = one.parameters == other.parameters and one.terrain is other.terrain
-    return same_vehicle and acting[0] == acting[1]
+    return same_vehicle and drive_effects[0] == drive_effects[1]
 
 
-def _of_drives(effects: effect_table.Effects) -> dict:
+def _drive_effects(effects: effect_table.Effects) -> dict:
     """Return the effects that change rotor speeds, or commands on their way to the motors."""
     modified = {effect_table.get(name).modifies for name in effects_of_kind(effects, "actuator")}
     return {
@@ -277,5 +277,5 @@ def affects_drive(effects: effect_table.Effects, on: effect_table.Effects | None
     effects : that are added.
     on : effects that are on; an actuator among them may act upon the added ones.
     """
-    acting = [*effects, *(name for name in on or {} if effect_table.get(name).modifies in effects)]
-    return any(effect_table.get(name).kind == "actuator" for name in acting)
+    modifiers = (name for name in on or {} if effect_table.get(name).modifies in effects)
+    return any(effect_table.get(name).kind == "actuator" for name in (*effects, *modifiers))

@@ -76,12 +76,12 @@ def noise_residuals(
             rows, at = good[:, own[0]], r.x.at[own[0]]
             if not rows.any():
                 continue
-            here, acting = np.intersect1d(kept, at), np.intersect1d(common, at)
+            here, shared = np.intersect1d(kept, at), np.intersect1d(common, at)
             x = [np.stack([r.x.of(c, here).T for c in own])]
             prior_sds = [prior_sd[k] for k in here.tolist()]
-            if len(acting):
-                sizes = [together[k] for k in acting.tolist()]
-                x.append(np.stack([[r.x.of(c, acting) @ sizes] for c in own]))
+            if len(shared):
+                sizes = [together[k] for k in shared.tolist()]
+                x.append(np.stack([[r.x.of(c, shared) @ sizes] for c in own]))
                 prior_sds.append(math.inf)
             residuals[np.ix_(np.array(group), rows)] = _ridge_residuals(
                 r.y[rows][:, own].T, np.concatenate(x, axis=1)[..., rows], np.array(prior_sds)

@@ -164,7 +164,7 @@ class Evaluation:
         drive, motion : of another evaluation.
         """
         return motion is self.motion and (
-            drive is self.drive or np.array_equal(drive.acting, self.drive.acting)
+            drive is self.drive or np.array_equal(drive.acting_speeds, self.drive.acting_speeds)
         )
 
     def stack(self, names: Sequence[str]) -> np.ndarray:
@@ -248,7 +248,7 @@ def evaluate(
         else motion_of(flight, model, effects, reuse.motion if reuse else None)
     )
     same = reuse if reuse and reuse.flies_the_same(drive, motion) else None
-    samples = same.samples if same else _samples(flight, motion, drive.acting)
+    samples = same.samples if same else _samples(flight, motion, drive.acting_speeds)
     modelled = without_actuators(effects)
     if output is None:
         output = (
@@ -313,7 +313,7 @@ def _range_output(
     range_effects = _of_the_range(effects)
     if reuse and reuse.range_output and range_effects == _of_the_range(reuse.effects):
         return reuse.range_output
-    samples = _samples(flight, motion_of(flight, model, {}, motion), drive.acting)
+    samples = _samples(flight, motion_of(flight, model, {}, motion), drive.acting_speeds)
     wanted = _outputs_of(["range"])
     return effect_table.replay(
         model.parameters, samples, range_effects, model.terrain, wanted=wanted

@@ -320,7 +320,7 @@ def flight_rows(
         instruments = reuse.instruments if reuse else None
     else:
         instruments = flight_instruments(
-            flight, windows.select(air), model, names, y[air], base.drive.acting
+            flight, windows.select(air), model, names, y[air], base.drive.acting_speeds
         )
     rows = FlightRows(
         flight,
@@ -419,7 +419,7 @@ def flight_residuals(
 
 def _thrust_N(model: Model, drive: Drive) -> np.ndarray:
     """Return nominal thrust of all rotors, (n,)."""
-    return model.number("thrust_coefficient_N_s2") * (drive.acting**2).sum(axis=1)
+    return model.number("thrust_coefficient_N_s2") * (drive.acting_speeds**2).sum(axis=1)
 
 
 def with_trims_of(system: System, other: Model, reuse: System) -> System:

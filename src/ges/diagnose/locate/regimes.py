@@ -20,10 +20,10 @@ from ges.diagnose.prepare.kinematics import to_body
 from ges.diagnose.select.evidence import contribution_of
 from ges.diagnose.select.search import SearchResult
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model
+from ges.diagnose.types.model import Model, block_of
 
 PUSHING = ("force", "acc", "moment")
-"""Kinds of channels in which the size of what is left may be reported."""
+"""Blocks of channels in which the size of what is left may be reported."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,7 +231,7 @@ def _least_rms_of(s: Structure, model: Model, margin: float) -> float:
     calibrated = settings.statistics.flights_ratio * model.left_unexplained.get(s.key, 0.0)
     # all of a residual is compared where its size depends on a regime, and not a part of it alone
     if s.of_size:
-        margin = settings.decide.form_margin if s.kind in PUSHING else np.inf
+        margin = settings.decide.form_margin if block_of(s.channel) in PUSHING else np.inf
     return max(margin * least_rms_in(s.channel, model), calibrated)
 
 
@@ -260,7 +260,7 @@ def regime_cells(
         name: np.concatenate([t[name] for t in regime_values])
         for name in shared_variables(regime_values)
     }
-    chance = {
+    q_values = {
         (s.channel, s.regime[0]): s.q_value
         for s in reported_structures(structures, system.model)
         if len(s.regime) == 1 and not s.of_size
@@ -277,7 +277,7 @@ def regime_cells(
                     value[used],
                     e[used],
                     block[used],
-                    chance.get((channel, name), 1.0),
+                    q_values.get((channel, name), 1.0),
                 )
     return cells
 
@@ -346,7 +346,8 @@ def located_by_residuals(
     Notes
     -----
     Neighbouring significant cells of one sign are joined. Places count where no single variable
-    shows the channel.
+    shows the channel. Of a place ``share_of_excess`` is the R^2, and ``mean`` the rms, of its
+    structure. A ``q_value`` is that of the structure, of the largest statistic over all tests.
     """
     size = {
         (s.channel, s.regime[0]): s.rms for s in structures if len(s.regime) == 1 and not s.of_size
@@ -374,6 +375,10 @@ def located_by_residuals(
 def _merge_cells(
     kept: Sequence[Cell], cells: Sequence[Cell], size: Mapping[tuple[str, str], float]
 ) -> list[dict]:
+    """Return an entry of ``located`` for each chain of neighbouring significant cells of one sign.
+
+    Sizes are rms by channel and regime variable.
+    """
     entries: list[dict] = []
     for channel, regime in dict.fromkeys((c.channel, c.regime) for c in kept):
         chain: list[Cell] = []
@@ -390,6 +395,7 @@ def _merge_cells(
 
 
 def _join_cells(chain: Sequence[Cell]) -> dict:
+    """Return the entry of ``located`` of neighbouring cells, but for its ``energy``."""
     return {
         "channel": chain[0].channel,
         "regime": {chain[0].regime: [chain[0].low, chain[-1].high]},
@@ -420,7 +426,7 @@ def located_by_findings(
     Returns
     -------
     One entry for each channel in which a finding exceeds the residual, with its most affected
-    regime.
+    regime. Its ``q_value`` is one less the probability of the finding.
     """
     values = {
         name: np.concatenate([t[name] for t in regime_values])
@@ -467,10 +473,10 @@ def located_by_open_names(
     Returns
     -------
     Channels in which something unproven acts whichever open explanation is true. Their
-    probabilities must sum to that of an acceptance.
+    probabilities must sum to that of an acceptance; ``q_value`` is one less the sum.
     """
     noise = np.concatenate(residuals)
-    chance: dict[str, float] = {}
+    probability: dict[str, float] = {}
     negligible = 1.0 - settings.statistics.certain_probability
     shown: dict[str, np.ndarray] = {}
     hypotheses = [
@@ -486,7 +492,7 @@ def located_by_open_names(
             good = np.isfinite(contribution[:, c]) & np.isfinite(noise[:, c])
             if _shows(contribution[good, c], noise[good, c]):
                 # hypotheses exclude each other, so their probabilities add
-                chance[channel] = chance.get(channel, 0.0) + h.probability
+                probability[channel] = probability.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, contribution[:, c], np.nan))
     values = {
         name: np.concatenate([t[name] for t in regime_values])
@@ -494,12 +500,12 @@ def located_by_open_names(
     }
     entries = []
     for channel in (
-        c for c, p in chance.items() if p >= settings.statistics.acceptance_probability
+        c for c, p in probability.items() if p >= settings.statistics.acceptance_probability
     ):
         good = np.isfinite(shown[channel])
         where = _most_affected_regime(shown[channel][good], {n: v[good] for n, v in values.items()})
         where.pop("energy")
-        entries.append({"channel": channel, **where, "q_value": _complement(chance[channel])})
+        entries.append({"channel": channel, **where, "q_value": _complement(probability[channel])})
     return entries
 
 

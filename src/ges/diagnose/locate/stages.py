@@ -224,18 +224,18 @@ def nested_parts(flights: Sequence[Prepared]) -> list[list[Prepared]]:
 
     Notes
     -----
-    What short parts settle, whole flights correct in a step or two.
+    What short excerpts settle, whole flights correct in a step or two.
 
     References
     ----------
     Bottou, Curtis and Nocedal 2018, SIAM Rev. 60, 223.
     """
-    parts: list[list[Prepared]] = []
+    excerpts: list[list[Prepared]] = []
     some = list(flights)
     while max(_seconds(f) for f in some) >= 4.0 * settings.advise.duration_s:
         some = [_middle(f, max(0.25 * _seconds(f), settings.advise.duration_s)) for f in some]
-        parts.append(some)
-    return parts[::-1]
+        excerpts.append(some)
+    return excerpts[::-1]
 
 
 def _seconds(flight: Prepared) -> float:

@@ -67,11 +67,6 @@ class Structure:
         return f"{self.channel}_size" if self.of_size else self.channel
 
     @property
-    def kind(self) -> str:
-        """``force``, ``moment`` and their like."""
-        return self.channel.split("_")[0]
-
-    @property
     def bounds(self) -> dict[str, list[float]]:
         """Bounds by variable, as the contract writes a regime."""
         return {name: [a, b] for name, a, b in zip(self.regime, self.low, self.high, strict=True)}
@@ -145,14 +140,15 @@ def hat_functions(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def varied_regimes(values: Mapping[str, np.ndarray]) -> list[str]:
-    """Return the regime variables that were flown over a range, beyond disturbances.
+    """Return the regime variables that vary by more than a disturbance would move them.
 
     Parameters
     ----------
     values : by variable, (m,) in the unit of its name.
     """
-    ends = (1.0 - settings.statistics.extreme_quantile, settings.statistics.extreme_quantile)
-    spread = {name: float(np.subtract(*np.quantile(v, ends))) for name, v in values.items()}
+    q = settings.statistics.extreme_quantile
+    ends = {name: np.quantile(v, (q, 1.0 - q)) for name, v in values.items()}
+    spread = {name: float(high - low) for name, (low, high) in ends.items()}
     return [name for name, s in spread.items() if s >= _least_spread(name, values[name])]
 
 
@@ -174,9 +170,8 @@ def _basis(
 ) -> _Basis:
     fold = fold_of[block]
     q = settings.statistics.extreme_quantile
-    ends = (q, 1.0 - q)
     # knots end at extreme quantiles: a rare excursion sets none, and the last hat stays at one
-    spans = {name: np.quantile(values[name], ends) for name in regime}
+    spans = {name: np.quantile(values[name], (q, 1.0 - q)) for name in regime}
     knots = tuple(_knots(name, *span) for name, span in spans.items())
     x = hat_functions(values[regime[0]], knots[0])
     # a place: products of the hats of both axes, bilinear between knots
@@ -205,10 +200,6 @@ def _knots(name: str, low: float, high: float) -> np.ndarray:
     return np.linspace(low, high, settings.locate.knots)
 
 
-def _single_and_place(names: Sequence[str]) -> list[tuple[str, ...]]:
-    return [(name,) for name in names] + ([PLACE] if set(PLACE) <= set(names) else [])
-
-
 def _cross_validated_r2(
     basis: _Basis, y: np.ndarray, of_block: csr_array, signs: np.ndarray
 ) -> np.ndarray:
@@ -220,15 +211,15 @@ def _cross_validated_r2(
     sums = np.stack([of_block @ (basis.x * channel[:, None]) for channel in y.T], axis=2).reshape(
         len(signs), -1
     )
-    parts = {f: basis.fold_of == f for f in basis.gram}
-    right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in parts.items()}
-    total, gain = sum(right.values()), np.zeros(y.shape[1] * signs.shape[1])
+    blocks = {f: basis.fold_of == f for f in basis.gram}
+    right = {f: (sums[at].T @ signs[at]).reshape(basis.x.shape[1], -1) for f, at in blocks.items()}
+    total, predicted = sum(right.values()), np.zeros(y.shape[1] * signs.shape[1])
     for f, gram in basis.gram.items():
-        # what a fold gains by the others' fit: |y|^2 - |y - x b|^2 = b'(2 x'y - x'x b)
+        # power of a fold that the others' fit predicts: |y|^2 - |y - x b|^2 = b'(2 x'y - x'x b)
         beta = basis.inverse[f] @ (total - right[f])
-        gain = gain + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
+        predicted = predicted + (beta * (2.0 * right[f] - gram @ beta)).sum(axis=0)
     return (
-        gain.reshape(y.shape[1], -1)
+        predicted.reshape(y.shape[1], -1)
         / np.maximum((y**2).sum(axis=0), settings.numerics.tiny)[:, None]
     )
 
@@ -256,7 +247,7 @@ def structures(
     residuals : by flight, (m, C) in the channels' units, NaN where a channel is absent.
     regimes : by flight, regime variables of every window, (m,) each.
     names : of the C channels.
-    blocks : by flight, number of the block of time of every window.
+    blocks : by flight, index of the block of time of every window.
     unresolved : by flight, (m, C) variances that rows do not resolve, in squares of the units.
 
     Notes
@@ -314,7 +305,9 @@ def _mean_structures(
             continue
         several = len(np.unique(by_flight[at])) > 1
         of_block = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at)))
-        for regime in _single_and_place(varied_regimes(here)):
+        varied = varied_regimes(here)
+        places = [PLACE] if set(PLACE) <= set(varied) else []
+        for regime in [*((name,) for name in varied), *places]:
             basis = _basis(
                 here, regime, at, by_flight if several and regime[0] in RUNNING else by_block
             )
@@ -331,10 +324,10 @@ def _mean_structures(
 
 def _channels_with_equal_windows(e: np.ndarray) -> list[list[int]]:
     """Return groups of channels (columns of ``e``) that have the same windows."""
-    alike: dict[bytes, list[int]] = {}
+    groups: dict[bytes, list[int]] = {}
     for c, there in enumerate(np.isfinite(e).T):
-        alike.setdefault(there.tobytes(), []).append(c)
-    return list(alike.values())
+        groups.setdefault(there.tobytes(), []).append(c)
+    return list(groups.values())
 
 
 def _size_structures(
@@ -352,9 +345,9 @@ def _size_structures(
     leaves rates that are wrong after it.
     """
     # one window's square is mostly scatter, its logarithm more so: a few are averaged first
-    size = settings.design.response_windows
+    length = settings.design.response_windows
     energy = [
-        uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, size, axis=0) for r in residuals
+        uniform_filter1d(np.where(np.isfinite(r), r, 0.0) ** 2, length, axis=0) for r in residuals
     ]
     # in logarithms a factor of roughness is an offset, and the test of means serves
     logs = [
@@ -412,17 +405,18 @@ def _test_channels(
     ]
 
 
-def _with_q_values(tested: Sequence[Structure], chance: np.ndarray) -> list[Structure]:
+def _with_q_values(tested: Sequence[Structure], null_r2: np.ndarray) -> list[Structure]:
     """Return structures with the chance that the largest standardised statistic reaches theirs.
 
-    The largest is taken over all tests, and over sums of channels that go together.
+    The largest is taken over all tests, and over sums of channels that go together. The R^2 of null
+    draws are by test, (tests, d).
     """
     if not tested:
         return []
     tiny = settings.numerics.tiny
     # column 0 is what was flown, the rest are null draws; a log of variances has no ceiling that
     # strong structures reach
-    r2 = np.column_stack([np.array([t.r2 for t in tested]), chance])
+    r2 = np.column_stack([np.array([t.r2 for t in tested]), null_r2])
     z = -np.log(np.maximum(1.0 - r2, tiny))
     # each test by its own null mean and sd
     mean, sd = z[:, 1:].mean(axis=1), np.maximum(z[:, 1:].std(axis=1), tiny)

@@ -405,8 +405,8 @@ def _significant_slope(t_s: np.ndarray, delay_s: np.ndarray, correlation: np.nda
     slope = float(weight @ (x * y) / spread)
     sd = float(np.sqrt(weight @ (y - slope * x) ** 2 / free / spread))
     # Student's bound, two-sided: few blocks draw a line by luck
-    chance = 1.0 - settings.statistics.certain_probability
-    return slope if abs(slope) > -stdtrit(free, 0.5 * chance) * sd else 0.0
+    level = 1.0 - settings.statistics.certain_probability
+    return slope if abs(slope) > -stdtrit(free, 0.5 * level) * sd else 0.0
 
 
 def gyro_bias(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray] | None:

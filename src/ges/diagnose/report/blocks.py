@@ -45,18 +45,27 @@ def located_rows(content: Mapping[str, Any]) -> tuple[list[Mapping[str, Any]], i
     in a condition narrower than anybody flies on purpose.
     """
     scale = content["data"].get("reference_scale", {})
-    kept = [row for row in content["located"] if _wide(row["regime"]) and _large(row, scale)]
+    kept = [
+        row
+        for row in content["located"]
+        if _is_flyable_range(row["regime"]) and _mean_is_relevant(row, scale)
+    ]
     return kept, len(content["located"]) - len(kept)
 
 
-def _large(row: Mapping[str, Any], scale: Mapping[str, float]) -> bool:
+def _mean_is_relevant(row: Mapping[str, Any], scale: Mapping[str, float]) -> bool:
+    """Return whether the mean of a ``located`` entry reaches the practical significance threshold.
+
+    True where the entry has no mean, or its block no reference scale: nothing is known against it.
+    """
     block = block_of(row["channel"])
     if row.get("mean") is None or block not in scale:
         return True
     return abs(row["mean"]) >= least_rms(block, scale[block])
 
 
-def _wide(regime: Mapping[str, Sequence[float]]) -> bool:
+def _is_flyable_range(regime: Mapping[str, Sequence[float]]) -> bool:
+    """Return whether somebody could fly a condition on purpose: its ranges are wide enough."""
     return all(
         high - low >= LEAST_WIDTH.get(unit_words(name), 0.0)
         for name, (low, high) in regime.items()
@@ -239,7 +248,7 @@ def next_steps(content: Mapping[str, Any]) -> list[dict[str, Any]]:
     """
     return [
         *_next_flight(content),
-        *_to_log(content),
+        *_logging_advice(content),
         *_with_findings(content),
         *_why_not(content),
     ]
@@ -284,7 +293,7 @@ def _next_flight(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     }
 
 
-def _to_log(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _logging_advice(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     # one sentence a reason: a missing stream silences several channels at once
     reasons: dict[str, list[str]] = {}
     for name, why in content["data"].get("channels_off", {}).items():

@@ -149,10 +149,11 @@ def _finding_words(
     """Return a finding in a few words; how probable it was where it is absent."""
     if f is None:
         considered = {(c["name"], c["place"]): c for c in content["considered"]}
-        chance = considered.get(key, {}).get("probability")
-        return "not named" + ("" if chance is None else f" ({probability_words(chance)})")
-    chance = f"probability {probability_words(f['probability'])}"
-    parts = [size_words(f, content), chance, "open" if f["open"] else ""]
+        probability = considered.get(key, {}).get("probability")
+        words = "" if probability is None else f" ({probability_words(probability)})"
+        return f"not named{words}"
+    probability = f"probability {probability_words(f['probability'])}"
+    parts = [size_words(f, content), probability, "open" if f["open"] else ""]
     return "; ".join(p for p in parts if p)
 
 

@@ -60,14 +60,14 @@ def drawing() -> Iterator[Drawing]:
     ------
     A :class:`Drawing`.
     """
-    with apart(_ready) as begin:
+    with apart(_load_fonts) as begin:
         yield Drawing(begin)
 
 
-def _ready() -> None:
+def _load_fonts() -> None:
+    """Draw one empty figure, which reads fonts and back ends before the first is asked for."""
     from ges.diagnose.report import pictures
 
-    # one empty figure reads fonts and back ends before the first is asked for
     pictures.png(pictures.Figure(figsize=(1.0, 1.0)))
 
 

@@ -139,8 +139,8 @@ def _as_considered(content: Mapping[str, Any], name: str) -> Iterator[Renderable
     named = {(f["name"], f["place"]) for f in content["findings"]}
     for c in (c for c in content["considered"] if c["name"] == name):
         if (name, c["place"]) not in named:
-            chance = probability_words(c["probability"])
-            yield Text(f"\n{_effect(c)}: considered and not named, probability {chance}")
+            probability = probability_words(c["probability"])
+            yield Text(f"\n{_effect(c)}: considered and not named, probability {probability}")
         table = table_of("rule", "", "statistic", "asked", "why", numbers=NUMBERS)
         for d in c["decisions"]:
             rule, statistic, asked, why = _decision_cells(d)

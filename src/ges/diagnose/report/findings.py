@@ -261,16 +261,16 @@ def _open_finding(accepted: Accepted, name: str, nominal: Model) -> Finding:
     fitted, inclusion = accepted.alternatives.get(name), accepted.result.inclusion
     # one of them is needed: a set that has two makes neither surer than the other lets it be
     # what cannot be tested is as likely as any of them
-    chance = calibrated_probability(
+    probability = calibrated_probability(
         inclusion.get(name, 1.0) / max(1.0, sum(inclusion.get(n, 1.0) for n in accepted.rivals))
     )
     # without a fit there is no contribution to size, only the coefficient of the search
     if fitted is None:
-        return Finding.of(name, chance, _search_estimates(accepted, name), is_open=True)
+        return Finding.of(name, probability, _search_estimates(accepted, name), is_open=True)
     contribution = contributions(fitted, (name,), nominal)[name]
     return Finding.of(
         name,
-        chance,
+        probability,
         _parameters_of(fitted, name, nominal.effects.get(name, {})),
         size_of_contribution(contribution, fitted.regression.system),
         is_open=True,

@@ -76,7 +76,7 @@ def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
     Shorter forms drop names first, then a gain, then sizes. With a loss they drop sizes, then the
     channel that lost, and the gain last.
     """
-    findings, gain, loss = content["findings"], _gain(content), _loss(content)
+    findings, gain, loss = content["findings"], _improvement_words(content), _loss(content)
     if not findings:
         # a contradicted nominal parameter that no effect corrects
         wrong = _largest_correction(content, "declared_sd") or "a nominal parameter"
@@ -171,21 +171,24 @@ def _sureness(findings: Sequence[Mapping]) -> str:
     return f"{'each at least ' if len(findings) > 1 else ''}{sure} sure"
 
 
-def _gain(content: Mapping[str, Any]) -> str:
-    """Return what the findings are worth on held-out flights.
+def _improvement_words(content: Mapping[str, Any]) -> str:
+    """Return how much the findings improve held-out flights; '' for less than is worth a mention.
 
-    The position that gains most a second ahead, else the channel that does. What falls elsewhere
-    speaks for nothing where they have no error in the channels of the findings.
+    First comes the position that gains most one second ahead, else the channel that gains most.
+    *nothing of it shows* where errors in the findings' own channels are too small to act on: a gain
+    elsewhere is then no evidence.
     """
     table, scale = content["fit"].get("channels", {}), content["data"].get("reference_scale", {})
-    acting = {f["size"].get("channel") for f in (*content["findings"], *content["laws"])}
-    shown = {n for n in table if without_unit(n) in acting}
-    if shown and shown <= set(error_rows(table, scale)[1]):
+    channels_of_findings = {
+        f["size"].get("channel") for f in (*content["findings"], *content["laws"])
+    }
+    their_rows = {n for n in table if without_unit(n) in channels_of_findings}
+    if their_rows and their_rows <= set(error_rows(table, scale)[1]):
         return "nothing of it shows"
     rolled = content["fit"].get("rollout") or {}
     # metres off a second ahead say more to an engineer than newtons of a residual
-    places = {n: c for n, c in rolled.get("channels", {}).items() if unit_words(n) == "m"}
-    best = _best(places)
+    position_rows = {n: c for n, c in rolled.get("channels", {}).items() if unit_words(n) == "m"}
+    best = _best(position_rows)
     if best:
         name, c = best
         return (
@@ -305,7 +308,7 @@ def _law(content: Mapping[str, Any]) -> Iterator[str]:
     laws = sorted(content["laws"], key=lambda law: -law["size"]["share_of_weight"])
     first, more = laws[0], f" and {len(laws) - 1} more" if len(laws) > 1 else ""
     where = f"No effect is proven to make the {channel_words(first['channel'])}"
-    worth = _gain(content) or "no error falls"
+    worth = _improvement_words(content) or "no error falls"
     if _loss(content):
         worth = f"{worth}, but {_loss(content)}"
     for what in (f"{where} = {first['form']}{more}", f"{where}, a law does{more}"):

@@ -61,6 +61,7 @@ _WHOLES = {
     "rad/s": "full rotor speed",
     "m": "a rotor radius",
 }
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MOST_ODDS = 23.0
 """Log odds of 10 to the ninth: beyond, a number means no more."""
 
@@ -238,7 +239,8 @@ def number_words(value: float | None, digits: int = 3) -> str:
     if value != 0 and not 1e-3 <= abs(value) < 1e6:
         # as 1.20·10⁻⁵, not as programs write it
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}·10{_raised(int(exponent))}".replace("-", "−")
+        superscript = str(int(exponent)).translate(_SUPERSCRIPTS)
+        return f"{mantissa}·10{superscript}".replace("-", "−")
     # significant digits: every place before the point costs a decimal
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
     return f"{value:.{decimals}f}".replace("-", "−")
@@ -260,10 +262,6 @@ def _bounds_words(low: float, high: float, digits: int = 2) -> str:
     return " to ".join(
         f"{round(b, decimals) + 0.0:.{decimals}f}".replace("-", "−") for b in (low, high)
     )
-
-
-def _raised(exponent: int) -> str:
-    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def chance_words(q: float | None) -> str:
