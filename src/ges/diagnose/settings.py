@@ -123,7 +123,7 @@ class About:
         return f"{low} to {self.high:g}" if math.isfinite(self.high) else more
 
 
-def number(
+def setting(
     value: Any,
     unit: str,
     meaning: str,
@@ -151,7 +151,7 @@ def probability(value: float, meaning: str, source: Source) -> Any:
     value : default, between 0 and 1.
     meaning, source : as in :class:`About`.
     """
-    return number(value, "", meaning, source, high=BELOW_ONE)
+    return setting(value, "", meaning, source, high=BELOW_ONE)
 
 
 RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
@@ -174,16 +174,17 @@ class StatisticsSettings:
     )
     chance: float = probability(
         0.01,
-        "Chance at which flights without any fault show a structure, or a shifted balance.",
-        Convention("one in a hundred for each of two tests; not measured against other levels"),
+        "Chance at which flights without any fault show a structure, gusts, or a shifted balance.",
+        Convention("one in a hundred for each of three tests; not measured against other levels"),
     )
-    clear_sds: float = number(
+    clear_sds: float = setting(
         3.0,
         "sds",
-        "Deviation of a fitted effect, a gust or a calibrated number that counts.",
+        "Deviation of a fitted effect, a term, a delay, a held reading or a calibrated number that"
+        " counts.",
         Convention("one in 370 of Gaussian errors"),
     )
-    certain_sds: float = number(
+    certain_sds: float = setting(
         4.0,
         "sds",
         "Deviation from which a delay, an offset or a nominal parameter is no chance.",
@@ -192,46 +193,46 @@ class StatisticsSettings:
             " one of a thousand vehicles"
         ),
     )
-    least_gain: float = number(
+    least_gain: float = setting(
         0.02,
         "",
         "Share of an error or of a variance from which a change, or a large structure, counts.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
     )
-    extreme_quantile: float = number(
+    extreme_quantile: float = setting(
         0.01,
         "",
         "Quantile that stands for the least of a signal, its complement for the most.",
         Convention("no single sample"),
         high=0.5,
     )
-    ridge_windows: float = number(
+    ridge_windows: float = setting(
         3.0,
         "windows",
         "Windows that a prior of no relation is worth.",
         Numerical("few against a flight's hundreds"),
     )
-    block_s: float = number(
+    block_s: float = setting(
         5.0,
         "s",
         "Length of blocks of time that count as independent, and of means in which gusts show.",
         Convention("longer than a gust or a correction of a controller lasts; not measured"),
     )
-    folds: int = number(
+    folds: int = setting(
         4,
         "",
         "Parts of the time of which each is predicted from the others.",
         Convention("few enough for short flights; not measured"),
         low=2,
     )
-    resamples: int = number(
+    resamples: int = setting(
         499,
         "",
         "Draws behind an interval or a chance.",
         Numerical("a chance of a hundredth is good to a half"),
         low=99,
     )
-    seed: int = number(
+    seed: int = setting(
         0, "", "Seed of every draw.", Numerical("results are the same every time"), low=0
     )
 
@@ -264,49 +265,49 @@ class StatisticsSettings:
 class NumericsSettings:
     """Limits of arithmetic and of iterations."""
 
-    tiny: float = number(
+    tiny: float = setting(
         1e-30, "", "What a divisor or a logarithm is at least.", Numerical("no zero")
     )
-    small: float = number(
+    small: float = setting(
         1e-9, "", "Relative difference that is rounding.", Numerical("far above 64 bit's")
     )
-    wide_factor: float = number(
+    wide_factor: float = setting(
         10.0,
         "",
         "How much wider than its prior a coefficient may be where the flights alone shall set it.",
         Numerical("a prior so wide weighs a hundredth"),
     )
-    step_s: float = number(
+    step_s: float = setting(
         0.0025,
         "s",
         "Longest step of a replayed drive, of a flight along references and of a rollout.",
         Numerical("a sixth of a fast motor's lag"),
     )
-    noise_rounds: int = number(
+    noise_rounds: int = setting(
         4,
         "",
         "Most rounds of search and noise, or of noise and nuisances.",
         Numerical("most sets need two; not measured"),
         low=1,
     )
-    fit_rounds: int = number(
+    fit_rounds: int = setting(
         12, "", "Most Gauss-Newton rounds of a fit.", Numerical("most fits need four"), low=1
     )
-    shortening_most: float = number(
+    shortening_most: float = setting(
         0.1,
         "",
         "Least share of a step of a fit that is tried after it cost more than it saved.",
         Numerical("the safeguard of interpolation, Nocedal and Wright 2006, section 3.5"),
         high=1.0,
     )
-    cached_numbers: int = number(
+    cached_numbers: int = setting(
         32768,
         "",
         "Numbers of a channel that are whitened together.",
         Numerical("a quarter of a megabyte, which a core's cache has"),
         low=1,
     )
-    bound_sweeps: int = number(
+    bound_sweeps: int = setting(
         3,
         "",
         "Sweeps of expectation propagation over bounded coefficients.",
@@ -319,14 +320,14 @@ class NumericsSettings:
         ),
         low=1,
     )
-    gain_ratio_least: float = number(
+    gain_ratio_least: float = setting(
         0.75,
         "",
         "Actual over predicted fall of the cost from which a step is as good as predicted.",
         Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
         high=1.0,
     )
-    sets_at_once: int = number(
+    sets_at_once: int = setting(
         4096, "", "Sets of candidates that are weighed as one array.", Numerical("memory"), low=1
     )
 
@@ -335,16 +336,16 @@ class NumericsSettings:
 class PrepareSettings:
     """Grid, samples in the air, delays between streams, noisy readings."""
 
-    grid_step_shortest_s: float = number(
+    grid_step_shortest_s: float = setting(
         0.005, "s", "Finest grid.", Convention("faster logs repeat the vibration of the rotors")
     )
-    flight_shortest_s: float = number(
+    flight_shortest_s: float = setting(
         3.0,
         "s",
         "Shortest recording, time in the air, and time that tells a delay.",
         Convention("fifteen of the shortest windows; not measured"),
     )
-    lifting_share: float = number(
+    lifting_share: float = setting(
         0.7,
         "",
         "Share of the usual thrust that carries the vehicle; well above the ground the rest of it,"
@@ -355,7 +356,7 @@ class PrepareSettings:
         ),
         high=BELOW_ONE,
     )
-    near_ground_m: float = number(
+    near_ground_m: float = setting(
         0.3,
         "m",
         "Height over rest that is well above the ground: a descent there is flight, and no blow"
@@ -367,7 +368,7 @@ class PrepareSettings:
             "ges diagnose FLIGHTS --set prepare.near_ground_m=0.1",
         ),
     )
-    pause_s: float = number(
+    pause_s: float = setting(
         0.5,
         "s",
         "Longest gap of the motion, or of the rangefinder, that is bridged, and time left out"
@@ -380,14 +381,14 @@ class PrepareSettings:
             + RUN.replace("KEY=VALUE", "prepare.pause_s=0.25"),
         ),
     )
-    height_error_m: float = number(
+    height_error_m: float = setting(
         0.02,
         "m",
         "Height over its own rest at which a vehicle has left the ground, and least error of a"
         " rangefinder.",
         Convention("noise of a position; not measured"),
     )
-    thrust_smoothing_s: float = number(
+    thrust_smoothing_s: float = setting(
         0.15,
         "s",
         "Smoothing of thrust and of climbs.",
@@ -395,17 +396,17 @@ class PrepareSettings:
             "faster is vibration; from 0.12 to 0.17 the loads of crazypad are told the same"
         ),
     )
-    rate_smoothing_s: float = number(
+    rate_smoothing_s: float = setting(
         0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
     )
-    lag_steps: int = number(
+    lag_steps: int = setting(
         30,
         "",
         "Steps of delays up to the longest.",
         Numerical("a parabola finds the peak between steps"),
         low=3,
     )
-    slow_Hz: float = number(
+    slow_Hz: float = setting(
         0.3,
         "Hz",
         "Positions and voltages are as they were read below, and told by their cause above; what"
@@ -429,27 +430,27 @@ class PrepareSettings:
 class LibrarySettings:
     """How candidates are laid out over the flights, besides what their descriptors ask for."""
 
-    step_share: float = number(
+    step_share: float = setting(
         0.1,
         "",
         "Step of a column over the usual size of its parameter, or over its range.",
         Numerical("columns are secants of nearly linear effects"),
     )
-    command_quantiles: tuple[float, ...] = number(
+    command_quantiles: tuple[float, ...] = setting(
         (0.8, 0.95, 0.99, 0.999),
         "",
         "Quantiles of the commands in the air at which a ceiling of the rotors is tried.",
         Convention("from often to hardly ever reached; not measured"),
         high=1.0,
     )
-    places_most: int = number(
+    places_most: int = setting(
         36,
         "",
         "Most places over which something is looked for.",
         Numerical("limits time; doubled and halved, no answer of 11 sets changes"),
         low=1,
     )
-    edge_slope: float = number(
+    edge_slope: float = setting(
         0.4,
         "",
         "Slope of the ground from which a rangefinder's cone sees an edge.",
@@ -461,14 +462,14 @@ class LibrarySettings:
 class DesignSettings:
     """Windows of the weak form, columns, instruments."""
 
-    window_shortest_s: float = number(
+    window_shortest_s: float = setting(
         0.2,
         "s",
         "Shortest support of a test function. Half or a quarter of it limits smoothing, grids, and"
         " what is left out around transients.",
         Convention("long against a sample, short against a manoeuvre; not measured"),
     )
-    window_updates: float = number(
+    window_updates: float = setting(
         3.0,
         "updates",
         "Support of a test function over the time between two values of the slowest stream; a value"
@@ -478,19 +479,19 @@ class DesignSettings:
             " in ones and twos; not measured"
         ),
     )
-    half_waves_most: int = number(
+    half_waves_most: int = setting(
         3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
     )
-    instruments: bool = number(
+    instruments: bool = setting(
         True, "", "Whether references serve as instruments.", Convention("off in an ablation")
     )
-    nominal_tolerance: bool = number(
+    nominal_tolerance: bool = setting(
         True,
         "",
         "Whether nominal parameters may move within prior sds.",
         Convention("off in an ablation"),
     )
-    response_slowest_s: float = number(
+    response_slowest_s: float = setting(
         0.5,
         "s",
         "Slower changes of thrust are no answers to gusts, whose scatter shows within so long.",
@@ -522,23 +523,23 @@ class DesignSettings:
 class NoiseSettings:
     """Autocorrelation and size of the residual of a channel."""
 
-    whitening: bool = number(
+    whitening: bool = setting(
         True, "", "Whether windows are whitened.", Convention("off in an ablation")
     )
-    autoregression_order: int = number(
+    autoregression_order: int = setting(
         3,
         "windows",
         "Order of the autoregression.",
         Convention("half-overlapping windows and a pole of turbulence"),
         low=1,
     )
-    least_share: float = number(
+    least_share: float = setting(
         1e-5,
         "",
         "Least noise, of weight and its like.",
         Numerical("no recording is better; doubled and halved, no answer of 11 sets changes"),
     )
-    growths: tuple[float, ...] = number(
+    growths: tuple[float, ...] = setting(
         (0.0, 0.1, 0.3, 1.0, 3.0),
         "",
         "Growths of the noise's variance with covariate that are tried.",
@@ -551,7 +552,7 @@ class NoiseSettings:
 class EvidenceSettings:
     """What a window is worth, and priors of coefficients."""
 
-    tempering: float = number(
+    tempering: float = setting(
         0.4,
         "",
         "How much every whitened window counts.",
@@ -564,13 +565,13 @@ class EvidenceSettings:
         ),
         high=1.0,
     )
-    prior_share: float = number(
+    prior_share: float = setting(
         0.05,
         "",
         "Prior sd of an effect's size, of weight and its like, where it states none.",
         Convention("effects of a few percent are looked for; not measured"),
     )
-    level_reach: float = number(
+    level_reach: float = setting(
         2.0,
         "",
         "Factor about a column's level within which its coefficient counts.",
@@ -583,21 +584,21 @@ class EvidenceSettings:
 class SearchSettings:
     """Which sets of candidates are compared, and their prior probabilities."""
 
-    size_probabilities: tuple[float, ...] = number(
+    size_probabilities: tuple[float, ...] = setting(
         (0.5, 0.3, 0.13, 0.05, 0.02),
         "",
         "Prior probability of none, one, two ... causes; the largest set has one less than these.",
         Convention("every further cause is a third as likely; not measured"),
         high=1.0,
     )
-    beam: int = number(
+    beam: int = setting(
         3,
         "",
         "How many of the best are followed: sets that grow, hidden effects, rivals that are flown.",
         Numerical("limits time; of 2 and of 6, no answer of 11 sets changes"),
         low=1,
     )
-    log_odds_offset: float = number(
+    log_odds_offset: float = setting(
         -0.36,
         "",
         "Offset of the stated log odds.",
@@ -609,7 +610,7 @@ class SearchSettings:
         ),
         low=-math.inf,
     )
-    log_odds_slope: float = number(
+    log_odds_slope: float = setting(
         0.597,
         "",
         "Slope of the stated log odds over those of the search.",
@@ -626,13 +627,13 @@ class SearchSettings:
 class EstimateSettings:
     """The fit in full."""
 
-    converged_sds: float = number(
+    converged_sds: float = setting(
         0.02,
         "sds",
         "Step that ends a fit, and prior sd of what is held in one.",
         Numerical("results are the same from anywhere (commit 6a9f74a)"),
     )
-    form_error: float = number(
+    form_error: float = setting(
         0.12,
         "",
         "Sd of an effect's size, over it, that is due to its form alone.",
@@ -643,7 +644,7 @@ class EstimateSettings:
             "ges blind score DIR",
         ),
     )
-    prerequisite_share_least: float = number(
+    prerequisite_share_least: float = setting(
         0.3,
         "usual size",
         "Least size of a prerequisite, by which the size of what needs it is divided.",
@@ -656,7 +657,7 @@ class EstimateSettings:
 class DetectSettings:
     """Effects that need a procedure: gusts, loads on threads, a shifted balance."""
 
-    gust_variance_ratio: float = number(
+    gust_variance_ratio: float = setting(
         6.0,
         "",
         "Variance of means over what noise makes of it.",
@@ -668,15 +669,15 @@ class DetectSettings:
         ),
         low=1.0,
     )
-    gust_draws: int = number(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
-    load_levels: int = number(
+    gust_draws: int = setting(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
+    load_levels: int = setting(
         13,
         "",
         "Threads, or first places, of a load that are tried at once.",
         Numerical("steps of 3 %, which a second grid makes twenty times as fine"),
         low=3,
     )
-    places_nearby: tuple[float, ...] = number(
+    places_nearby: tuple[float, ...] = setting(
         (0.08, 0.04, 0.02),
         "",
         "Steps of thread and first place, over the distance behind.",
@@ -688,30 +689,30 @@ class DetectSettings:
 class LocateSettings:
     """Structure in residuals, and its location."""
 
-    knots: int = number(
+    knots: int = setting(
         9, "", "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
     )
-    spread_least: float = number(
+    spread_least: float = setting(
         0.5,
         "m, m/s or rad/s",
         "Least spread of a place, a speed or the yaw rate that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
     )
-    height_spread_least: float = number(
+    height_spread_least: float = setting(
         0.3,
         "median height",
         "Least spread of a height that was flown over a range.",
         Convention("near a third; not measured"),
         high=1.0,
     )
-    large_r2: float = number(
+    large_r2: float = setting(
         0.3,
         "",
         "Share of a channel's variance, predicted by a regime of flight, from which it is large.",
         Convention("near a third; not measured"),
         high=1.0,
     )
-    r2_least: float = number(
+    r2_least: float = setting(
         0.1,
         "",
         "Least share of a channel's variance that a regime predicts, and of that of the residual"
@@ -730,17 +731,17 @@ class LocateSettings:
 class DecideSettings:
     """Rules by which a name is accepted."""
 
-    form_margin: float = number(
+    form_margin: float = setting(
         2.0,
         "",
         "How much more than what no model is right to a structure has to be.",
         Convention("no form is perfect; not measured"),
         low=1.0,
     )
-    still_air_m_s: float = number(
+    still_air_m_s: float = setting(
         0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")
     )
-    least_thrust_share: float = number(
+    least_thrust_share: float = setting(
         0.002,
         "",
         "Least error of a thrust that matters, over it; forces, moments and speeds follow.",
@@ -757,22 +758,22 @@ class AdviseSettings:
         "Share of sets of flights in which the smallest detectable size is detected.",
         Convention("the usual power of a test, rounded up"),
     )
-    duration_s: float = number(
+    duration_s: float = setting(
         30.0, "s", "Length of a flight that is tried.", Convention("a short flight")
     )
-    attitude_kp: float = number(
+    attitude_kp: float = setting(
         400.0,
         "1/s^2",
         "Attitude gain it is flown with.",
         Convention("stands in for an integral action that trims unequal motors away"),
     )
-    settled_log_odds: float = number(
+    settled_log_odds: float = setting(
         20.0,
         "",
         "Lead beyond which nothing more is gained.",
         Convention("no later flight undoes it; less would make manoeuvres equal"),
     )
-    flights_most: int = number(
+    flights_most: int = setting(
         20, "", "Most flights that are recommended.", Convention("a day at the field"), low=1
     )
 
@@ -781,34 +782,34 @@ class AdviseSettings:
 class CalibrateSettings:
     """A vehicle file from healthy reference flights."""
 
-    loss_sd: float = number(
+    loss_sd: float = setting(
         0.1,
         "",
         "Prior sd of the gain of a motor.",
         Convention("propellers of small vehicles; not measured"),
     )
-    cant_sd_rad: float = number(
+    cant_sd_rad: float = setting(
         0.01,
         "rad",
         "Prior sd of the cant of the rotors.",
         Convention("motors that stand straight to a degree, the mean of four; not measured"),
     )
-    spread: float = number(
+    spread: float = setting(
         0.2,
         "",
         "Usual spread of a trim between flights, from commands, over the prior sd of it.",
         Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
     )
-    smaller_spread: float = number(
+    smaller_spread: float = setting(
         0.25,
         "",
         "The same within a session, over that, and from rotor speeds, over that from commands.",
         Convention("small quadrotors (CrazyPAD): 0.5 % within a session, 2 % between"),
     )
-    spread_factor_most: float = number(
+    spread_factor_most: float = setting(
         20.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
     )
-    converged_share: float = number(
+    converged_share: float = setting(
         0.2, "", "Step over its prior sd that ends a calibration.", Numerical("commit 8cbfda3")
     )
 
@@ -817,31 +818,31 @@ class CalibrateSettings:
 class ReportSettings:
     """What the report lists and draws."""
 
-    alternatives: int = number(
+    alternatives: int = setting(
         4,
         "",
         "Most names that could stand in another's place.",
         Convention("a list that is read"),
         low=1,
     )
-    tied_correlation: float = number(
+    tied_correlation: float = setting(
         0.9,
         "",
         "Correlation from which two numbers are known together.",
         Convention("not measured"),
         high=1.0,
     )
-    bins: int = number(
+    bins: int = setting(
         6, "", "Cells of a variable on the map.", Convention("a map that is read"), low=2
     )
-    horizon_s: float = number(
+    horizon_s: float = setting(
         1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
     )
-    entries_by_channel: int = number(
+    entries_by_channel: int = setting(
         3, "", "Most places listed of a channel.", Convention("a list that is read"), low=1
     )
-    entries: int = number(12, "", "Most places listed.", Convention("a list that is read"), low=1)
-    terms: int = number(
+    entries: int = setting(12, "", "Most places listed.", Convention("a list that is read"), low=1)
+    terms: int = setting(
         3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
     )
 
@@ -977,7 +978,8 @@ def setting_rows(of: Settings) -> Iterator[tuple[str, Any, About]]:
 
 NOT_OF_THE_METHOD = ("numerics", "advise", "report")
 """Stages that hold no numbers of the method: limits of arithmetic, how a next flight is planned and
-what is listed.
+what is listed. One of these does more: ``advise.duration_s`` is also the length of the excerpts on
+which recalibration begins.
 """
 
 
