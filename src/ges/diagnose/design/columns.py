@@ -62,7 +62,7 @@ class DesignColumn:
     ----------
     label : for messages.
     nuisance : of a nuisance's column.
-    variant, amplitude : of an amplitude's column, with the number of the amplitude.
+    variant, amplitude : of an amplitude's column, with the index of the amplitude.
     part : 'force' or 'moment' for a column of those channels alone, with a coefficient of its own.
 
     Notes
@@ -430,7 +430,7 @@ def evaluate_columns(
 
     Returns
     -------
-    Each column by the numbers of the channels that it acts on, (m,).
+    Each column by the indices of the channels that it acts on, (m,).
     """
     # what remembers its path goes as many at a time as the simulator has lanes, for a replay of a
     # long flight is large

@@ -47,7 +47,7 @@ def noise_residuals(
     Parameters
     ----------
     system : of the flights.
-    channels : numbers of c channels.
+    channels : indices of c channels.
     chosen : columns whose coefficients each channel decides alone.
     together : coefficients of columns that act with these, but for one common factor: forms differ.
 

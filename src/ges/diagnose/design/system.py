@@ -88,7 +88,7 @@ class FlightRows:
 
         Parameters
         ----------
-        channels : numbers of c channels.
+        channels : indices of c channels.
 
         Returns
         -------
@@ -101,8 +101,8 @@ class FlightRows:
 
         Parameters
         ----------
-        channels : numbers of c channels.
-        wanted : numbers of k columns.
+        channels : indices of c channels.
+        wanted : indices of k columns.
 
         Returns
         -------

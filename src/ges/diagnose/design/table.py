@@ -18,7 +18,7 @@ class ColumnTable:
     Attributes
     ----------
     shape : (m, C, K).
-    at : by channel, (k,) numbers of the columns that act there, ascending.
+    at : by channel, (k,) indices of the columns that act there, ascending.
     values : by channel, those k columns, (m,) each.
 
     Notes
@@ -35,8 +35,8 @@ class ColumnTable:
 
         Parameters
         ----------
-        channel : its number.
-        wanted : numbers of w columns.
+        channel : its index.
+        wanted : indices of w columns.
 
         Returns
         -------
@@ -49,7 +49,7 @@ class ColumnTable:
 
         Parameters
         ----------
-        channel : its number.
+        channel : its index.
 
         Returns
         -------
@@ -74,7 +74,7 @@ class ColumnTable:
 
         Parameters
         ----------
-        wanted : numbers of w columns.
+        wanted : indices of w columns.
 
         Returns
         -------

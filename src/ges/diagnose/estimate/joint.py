@@ -177,7 +177,7 @@ def joint_fit(
     precision[start[2] :] = np.tile(
         [1.0 / nuisances[k].flight_sd ** 2 for k in varies], len(regression.whites)
     )
-    places = [
+    rows_of_flight = [
         np.r_[np.arange(start[2]), start[2] + f * sizes[2] + np.arange(sizes[2])]
         for f in range(len(regression.whites))
     ]
@@ -191,7 +191,7 @@ def joint_fit(
     order = np.array([np.flatnonzero(kept == k)[0] for k in np.r_[shared, varies]], dtype=int)
     # priors are rows too; each flight reaches the shared unknowns and its own alone (an arrow)
     xx, xy, yy = np.diag(precision), precision * mean, float(precision @ mean**2)
-    for whole, at in zip(wholes, places, strict=True):
+    for whole, at in zip(wholes, rows_of_flight, strict=True):
         gram = whole.take(order)
         xx[np.ix_(at, at)] += gram.xx
         xy[at] += gram.xy
@@ -221,7 +221,7 @@ def joint_fit(
         cost,
         dict(zip(names, start_at + beta[start[1] : start[2]], strict=True)),
         dict(zip(names, np.sqrt(np.diag(inverse)[start[1] : start[2]]), strict=True)),
-        tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in places),
+        tuple(dict(zip(flight_names, beta[at[start[2] :]], strict=True)) for at in rows_of_flight),
         equations,
     )
     return with_shared_speed(joint, regression.system)
@@ -267,7 +267,7 @@ def _jackknife_sds(
     ----------
     by_block : normal equations by flight and block, with the s shared columns first.
     mean, precision : (s,) of their priors; precision is one over the variance.
-    varies : (v,) places of the columns that vary from flight to flight.
+    varies : (v,) indices of the columns that vary from flight to flight.
     flight_sd : (v,) sds of these.
 
     References

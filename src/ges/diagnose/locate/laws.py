@@ -197,7 +197,7 @@ def sparse_form(
     e : by flight, (m,) residual in the channel's unit, NaN where it is absent.
     x : by flight, (m, terms), of :func:`term_columns`.
     terms : of the channel.
-    blocks : by flight, number of the block of time of every window, (m,).
+    blocks : by flight, index of the block of time of every window, (m,).
 
     Returns
     -------
@@ -284,7 +284,7 @@ class _Table:
     def of(
         cls, e: Sequence[np.ndarray], x: Sequence[np.ndarray], blocks: Sequence[np.ndarray]
     ) -> _Table:
-        """Make it from residuals (m,), terms (m, K) and numbers of blocks (m,), by flight."""
+        """Make it from residuals (m,), terms (m, K) and indices of blocks (m,), by flight."""
         good = [np.isfinite(of_flight) for of_flight in e]
         block = np.concatenate([b[g] for b, g in zip(blocks, good, strict=True)])
         # dealt out in turn, so that every fold spans all flights

@@ -310,14 +310,14 @@ def grid_step_s(frame: pd.DataFrame) -> float:
     return float(np.clip(median_s, shortest_s, longest_s))
 
 
-def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
+def regrid(frame: pd.DataFrame, step_s: float, index: int = 0) -> Prepared:
     """Put a recording on a uniform grid.
 
     Parameters
     ----------
     frame : a recording with contract columns.
     step_s : spacing of the grid.
-    number : index of the flight, for messages.
+    index : of the flight, for messages.
 
     Returns
     -------
@@ -332,12 +332,12 @@ def regrid(frame: pd.DataFrame, step_s: float, number: int = 0) -> Prepared:
     shortest_s = settings.prepare.flight_shortest_s
     if len(t_s) < 2 or t_s[-1] - t_s[0] < shortest_s:
         raise GesError(
-            f"flight {number}: {len(t_s)} rows are less than {shortest_s:g} s; leave this"
+            f"flight {index}: {len(t_s)} rows are less than {shortest_s:g} s; leave this"
             " recording out"
         )
     if not (np.diff(t_s) > 0).all():
         raise GesError(
-            f"flight {number}: t_s does not increase at row {int(np.argmin(np.diff(t_s) > 0)) + 1};"
+            f"flight {index}: t_s does not increase at row {int(np.argmin(np.diff(t_s) > 0)) + 1};"
             " sort the recording"
         )
     grid = np.arange(t_s[0], t_s[-1], step_s)

@@ -88,24 +88,24 @@ class _Gridded:
     resting_m: float
 
 
-def prepare(frame: pd.DataFrame, model: Model, number: int = 0) -> Prepared:
+def prepare(frame: pd.DataFrame, model: Model, index: int = 0) -> Prepared:
     """Put one recording on a grid and find the samples that fly.
 
     Parameters
     ----------
     frame : table with contract columns.
     model : of the vehicle.
-    number : index of the flight, for messages.
+    index : of the flight, for messages.
 
     Returns
     -------
     The flight, with the reason for every sample that is left out.
     """
-    return _in_the_air(_on_grid(frame, model, number), frame, model)
+    return _in_the_air(_on_grid(frame, model, index), frame, model)
 
 
-def _on_grid(frame: pd.DataFrame, model: Model, number: int) -> _Gridded:
-    flight = with_thrust_direction(regrid(frame, grid_step_s(frame), number), frame)
+def _on_grid(frame: pd.DataFrame, model: Model, index: int) -> _Gridded:
+    flight = with_thrust_direction(regrid(frame, grid_step_s(frame), index), frame)
     ratio = thrust_over_weight(
         flight,
         model.number("thrust_coefficient_N_s2"),

@@ -82,7 +82,5 @@ def cut(name: str, frame: pd.DataFrame, model: Model) -> list[tuple[str, pd.Data
         )
     count = int(np.clip(seconds[-1] // (2.0 * shortest_s), 2, settings.statistics.folds))
     ends = [flight.t_s[np.searchsorted(seconds, seconds[-1] * k / count)] for k in range(1, count)]
-    number = np.searchsorted(ends, frame["t_s"].to_numpy(dtype=float), side="right")
-    return [
-        (f"{name}_part{k + 1}", frame[number == k].reset_index(drop=True)) for k in range(count)
-    ]
+    part = np.searchsorted(ends, frame["t_s"].to_numpy(dtype=float), side="right")
+    return [(f"{name}_part{k + 1}", frame[part == k].reset_index(drop=True)) for k in range(count)]

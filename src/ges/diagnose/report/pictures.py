@@ -306,7 +306,7 @@ def draw_residual(
     axis : to draw on.
     x, y : (n,) variable and residual of every window (held-out flights).
     curves : by stage (``recalibrated``, ``after``), (n,) what that model adds in the same windows.
-    blocks : (n,) number of the block of time; the 95 % bands come from the spread of the blocks'
+    blocks : (n,) index of the block of time; the 95 % bands come from the spread of the blocks'
         means.
     xlabel, ylabel : of the axes.
     bins : number of bins with equally many windows.
@@ -429,7 +429,7 @@ def bin_means(
     Parameters
     ----------
     x, y : (n,) signals; the centres are in the unit of x, means and half widths in that of y.
-    blocks : (n,) number of the block of time, which counts as one draw.
+    blocks : (n,) index of the block of time, which counts as one draw.
     edges : (k,) of the bins, rising.
 
     Returns
@@ -437,9 +437,9 @@ def bin_means(
     (b,) each.
     """
     center, mean, half = [], [], []
-    number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    bin_of = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     for k in range(len(edges) - 1):
-        inside = (number == k) & np.isfinite(y)
+        inside = (bin_of == k) & np.isfinite(y)
         if not inside.any():
             continue
         each = [y[inside & (blocks == b)] for b in np.unique(blocks[inside])]

@@ -37,7 +37,7 @@ def verdict_of(
     for kind in ("physics", "sensor", "parameter"):
         if kind in kinds:
             return kind
-    if any(not number.is_trim for number in contradicted):
+    if any(not parameter.is_trim for parameter in contradicted):
         return "parameter"
     if laws:
         return "law"
@@ -65,6 +65,6 @@ def remark_of(
     not cover.
     """
     sentences = [unnamed_cause.sentence()] if unnamed_cause else []
-    sentences += [number.sentence() for number in contradicted]
+    sentences += [parameter.sentence() for parameter in contradicted]
     sentences += [silent_channels_words(off)] if verdict == "nothing_proven" else []
     return " ".join(s.strip() for s in sentences if s)

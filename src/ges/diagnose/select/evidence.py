@@ -58,7 +58,7 @@ class Gram:
 
         Parameters
         ----------
-        columns : numbers of k columns.
+        columns : indices of k columns.
         mean : (k,) in the units of the coefficients.
         """
         # products with y - X mean in the place of y
@@ -75,7 +75,7 @@ class Gram:
 
         Parameters
         ----------
-        drop : (d,) numbers of the columns.
+        drop : (d,) indices of the columns.
         sd : (d,) of their prior N(0, sd^2).
         """
         if not len(drop):
@@ -96,7 +96,7 @@ class Gram:
 
         Parameters
         ----------
-        keep : (k,) numbers of the columns.
+        keep : (k,) indices of the columns.
         """
         return Gram(self.xx[np.ix_(keep, keep)], self.xy[keep], self.yy, self.n)
 
@@ -201,7 +201,7 @@ def marginalise_deviations(gram: Gram, varies: np.ndarray, sd: np.ndarray) -> Gr
     Parameters
     ----------
     gram : of one flight.
-    varies : (k,) numbers of the columns.
+    varies : (k,) indices of the columns.
     sd : (k,) of the deviations N(0, sd^2).
 
     Notes
@@ -271,7 +271,7 @@ class Prior:
 
         Parameters
         ----------
-        keep : (k,) numbers of the columns.
+        keep : (k,) indices of the columns.
         """
         return Prior(*(getattr(self, f.name)[keep] for f in dataclasses.fields(self)))
 
@@ -350,7 +350,7 @@ def posterior(gram: Gram, columns: Sequence[int], prior: Prior) -> Posterior:
     Parameters
     ----------
     gram : pooled normal equations.
-    columns : numbers of the columns.
+    columns : indices of the columns.
     prior : of all columns.
     """
     if not len(columns):
@@ -370,7 +370,7 @@ class Regression:
     by_flight : normal equations; empty where they were not counted.
     rms : (C, K) of every column in each main channel, see :func:`rms_of`.
     prior : of all columns.
-    nuisance : numbers of the nuisance columns.
+    nuisance : indices of the nuisance columns.
     """
 
     system: System
@@ -404,7 +404,7 @@ class Regression:
 
         Parameters
         ----------
-        but : numbers of nuisance columns that stay.
+        but : indices of nuisance columns that stay.
         """
         total = self.by_flight[0].scale(0.0)
         for gram in self.by_flight:

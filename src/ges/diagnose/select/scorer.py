@@ -24,14 +24,14 @@ class Entry:
     Attributes
     ----------
     name : of the effect.
-    number : of the variant among all.
+    index : of the variant among all.
     columns : of its amplitudes.
     keys : their ``effect.parameter``.
     log_share : log prior among the variants of its name.
     """
 
     name: str
-    number: int
+    index: int
     columns: tuple[int, ...]
     keys: tuple[str, ...]
     log_share: float
@@ -82,13 +82,13 @@ class FreedNuisances:
 
     Attributes
     ----------
-    place : number of each by ``effect.parameter``.
+    index : of each by ``effect.parameter``.
     prior_mean, prior_sd : (t,).
     mean, covariance : (t,) and (t, t), posterior with all candidates at zero.
     shift_per_unit : (t, K) decrease of the mean per unit of each column's coefficient.
     """
 
-    place: Mapping[str, int]
+    index: Mapping[str, int]
     prior_mean: np.ndarray
     prior_sd: np.ndarray
     mean: np.ndarray
@@ -102,7 +102,7 @@ class FreedNuisances:
 
         Parameters
         ----------
-        freed : (s, f) numbers of the nuisances.
+        freed : (s, f) indices of the nuisances.
         own : (s, k) columns of the sets.
 
         Returns
@@ -180,13 +180,13 @@ class SetScorer:
         -------
         With log evidence over that of the nuisances alone.
         """
-        by_number: dict[int, Posterior] = {}
+        by_set: dict[int, Posterior] = {}
         for at, own, values in self._by_size(sets):
             for i, columns, mean, covariance, log_evidence in zip(
                 at, own.tolist(), *values, strict=True
             ):
-                by_number[i] = Posterior(tuple(columns), mean, covariance, float(log_evidence))
-        return [by_number[i] for i in range(len(sets))]
+                by_set[i] = Posterior(tuple(columns), mean, covariance, float(log_evidence))
+        return [by_set[i] for i in range(len(sets))]
 
     def log_evidences(self, sets: Sequence[Sequence[Entry]]) -> np.ndarray:
         """Return the log evidence of every set over the nuisances alone.
@@ -216,33 +216,33 @@ class SetScorer:
     def _by_size(
         self, sets: Sequence[Sequence[Entry]]
     ) -> list[tuple[list[int], np.ndarray, tuple]]:
-        """Return numbers, columns and posteriors of sets, for all of one shape at once."""
+        """Return indices, columns and posteriors of sets, for all of one shape at once."""
         # sets of one shape are one stack of matrices; few enough at once for the memory
-        alike: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
+        by_shape: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
         for i, chosen in enumerate(sets):
             own = tuple(itertools.chain.from_iterable(e.columns for e in chosen))
             freed = tuple(
                 {
-                    self.freed_nuisances.place[key]: 0
+                    self.freed_nuisances.index[key]: 0
                     for e in chosen
                     for key in e.keys
-                    if key in self.freed_nuisances.place
+                    if key in self.freed_nuisances.index
                 }
             )
-            alike.setdefault((len(own), len(freed)), []).append((i, own, freed))
+            by_shape.setdefault((len(own), len(freed)), []).append((i, own, freed))
         most = settings.numerics.sets_at_once
-        parts = [
-            group[i : i + most] for group in alike.values() for i in range(0, len(group), most)
+        stacks = [
+            group[i : i + most] for group in by_shape.values() for i in range(0, len(group), most)
         ]
-        return each(self._posteriors_of_stack, parts)
+        return each(self._posteriors_of_stack, stacks)
 
     def _posteriors_of_stack(
-        self, part: Sequence[tuple[int, tuple[int, ...], tuple[int, ...]]]
+        self, stack: Sequence[tuple[int, tuple[int, ...], tuple[int, ...]]]
     ) -> tuple[list[int], np.ndarray, tuple]:
-        own = np.array([columns for _, columns, _ in part], dtype=int)
-        freed = np.array([nuisances for _, _, nuisances in part], dtype=int)
+        own = np.array([columns for _, columns, _ in stack], dtype=int)
+        freed = np.array([nuisances for _, _, nuisances in stack], dtype=int)
         more = self.freed_nuisances.condition_on_zero(freed, own) if freed.shape[1] else None
-        return [i for i, _, _ in part], own, posteriors(self.gram, own, self.prior, more)
+        return [i for i, _, _ in stack], own, posteriors(self.gram, own, self.prior, more)
 
 
 def set_scorer(regression: Regression, listed: Sequence[Entry]) -> SetScorer:

@@ -25,7 +25,7 @@ class Hypothesis:
     Attributes
     ----------
     names : of the effects.
-    variants : numbers of the entries.
+    variants : indices of the entries.
     posterior : of the coefficients.
     log_evidence : with the log prior of the set.
     probability : among all sets that were evaluated.
@@ -161,7 +161,7 @@ def _hypotheses_of(
         mean = np.logaddexp.reduce(weight[members]) - np.logaddexp.reduce(share[members])
         total = float(mean) + prior + rarity
         out[names] = Hypothesis(
-            names, tuple(e.number for e in top), posterior, total, log_prior=prior
+            names, tuple(e.index for e in top), posterior, total, log_prior=prior
         )
     return out
 
@@ -194,9 +194,9 @@ def search(
     for size in range(2, len(settings.search.size_probabilities) - 1):
         grown = [h for h in hypotheses.values() if len(h.names) == size]
         top = sorted(grown, key=lambda h: -h.log_evidence)[: settings.search.beam]
-        by_number = {e.number: e for e in listed}
+        by_index = {e.index: e for e in listed}
         larger = [
-            (*(by_number[i] for i in h.variants), e)
+            (*(by_index[i] for i in h.variants), e)
             for h in top
             for e in listed
             if e.name not in h.names and _can_act_together([*h.names, e.name], base)
@@ -219,7 +219,7 @@ def log_evidence_over_plain(
     """
     listed = entries(regression, candidates)
     scorer = set_scorer(regression, listed)
-    chosen = [next(e for e in listed if e.number == i) for i in best.variants]
+    chosen = [next(e for e in listed if e.index == i) for i in best.variants]
     plain = [e for e in listed if not modifiers_of(_variant_of(regression, e))]
     # what nothing modifies stays; for each of the others all plain variants of its name
     options = [
@@ -258,7 +258,7 @@ def evaluate_exactly(regression: Regression, candidates: Sequence[Candidate]) ->
     posterior = scorer.posteriors([chosen])[0]
     names = tuple(sorted(e.name for e in chosen))
     return _normalise(
-        [Hypothesis(names, tuple(e.number for e in chosen), posterior, posterior.log_evidence)]
+        [Hypothesis(names, tuple(e.index for e in chosen), posterior, posterior.log_evidence)]
     )
 
 
