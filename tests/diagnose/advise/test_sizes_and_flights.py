@@ -148,10 +148,13 @@ def test_the_manoeuvre_with_the_larger_gain_is_first_and_what_cannot_be_flown_is
     told = _rank(monkeypatch, {"hover": 0.01, "climbs": 2.0, "multisine": None, "yaw_turn": 0.1})
     assert [o.manoeuvre for o in told] == ["climbs", "yaw_turn", "hover"]
     best, *_, last = told
-    assert best.gain > last.gain and best.expected_log_odds > last.expected_log_odds
+    assert (
+        best.log_odds_per_flight > last.log_odds_per_flight
+        and best.expected_log_odds > last.expected_log_odds
+    )
     assert set(best.separates) == {"axial_inflow", "tether"} and best.stays_open == ()
     assert best.expected_log_odds <= settings.advise.settled_log_odds
-    assert last.gain == pytest.approx(0.0, abs=0.1)
+    assert last.log_odds_per_flight == pytest.approx(0.0, abs=0.1)
 
 
 def test_what_is_settled_is_not_counted_twice(monkeypatch):

@@ -9,7 +9,7 @@ from ges.conventions import command, rotor_speed
 from ges.diagnose.design.drives import commanded_speeds
 from ges.diagnose.design.system import build, residuals_with
 from ges.diagnose.estimate.joint import null_fit
-from ges.diagnose.estimate.recalibrate import _cost, _linearise, operating_point
+from ges.diagnose.estimate.recalibrate import _cost, _relinearise, operating_point
 from ges.diagnose.library.candidates import Variant, amplitude_of
 from ges.diagnose.locate.stages import recalibrate
 from ges.diagnose.types.model import SPEED
@@ -97,7 +97,7 @@ def test_costs_compare_from_one_linearisation_to_the_next():
     """Feedback errors of columns made anew would be another likelihood: steps ran in circles."""
     declared = dataclasses.replace(MODEL, prior_sds={SPEED: 300.0, BEND: 0.3})
     regression, joint = null_fit(build([_fly_motors(1500.0, 0.5)], declared, []))
-    there = _linearise(regression, declared, joint.common)
+    there = _relinearise(regression, declared, joint.common)
     # what differs between flights is linearised anew, too
     assert _cost(there, {}) == pytest.approx(_cost(regression, joint.common), rel=5e-4)
 

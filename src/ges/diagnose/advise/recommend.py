@@ -61,7 +61,7 @@ class Option:
     expected_log_odds : of the true explanation over its best rival afterwards, averaged over the
         present probabilities.
     so_far : log odds of the best explanation from the flights so far.
-    gain : of the expected log odds by one such flight.
+    log_odds_per_flight : by which one such flight raises the expected log odds.
     """
 
     manoeuvre: str
@@ -69,7 +69,7 @@ class Option:
     stays_open: tuple[str, ...]
     expected_log_odds: float
     so_far: float
-    gain: float
+    log_odds_per_flight: float
 
     @property
     def flights(self) -> int | None:
@@ -77,10 +77,10 @@ class Option:
         lacking = settings.statistics.acceptance_log_odds - self.expected_log_odds
         if lacking <= 0.0:
             return 1
-        if self.gain <= 0.0:
+        if self.log_odds_per_flight <= 0.0:
             return None
-        # evidence of independent flights adds up, so that each brings the same gain
-        wanted = 1 + int(np.ceil(lacking / self.gain))
+        # evidence of independent flights adds up, so that each brings the same
+        wanted = 1 + int(np.ceil(lacking / self.log_odds_per_flight))
         return wanted if wanted <= settings.advise.flights_most else None
 
     def content(self) -> dict:

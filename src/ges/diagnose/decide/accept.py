@@ -594,8 +594,8 @@ def fit_along_rollouts(accepted: Accepted) -> Accepted:
 
     Parameters
     ----------
-    accepted : names and fits. It is returned unchanged with effects that have memory of the path,
-        whose state pieces would break.
+    accepted : names and fits. It is returned unchanged with effects that have memory of the path:
+        a path in pieces would break off their state.
     """
     fitted, system = accepted.fitted, accepted.system
     if fitted is None or any(effect_table.get(name).remembers_the_path for name in fitted.effects):

@@ -173,14 +173,9 @@ def _gusts(
 ) -> Gusts | None:
     """Return gusts that matter in the residuals, where no suspended load may make them."""
     fitted = accepted.fitted
-    gusts = find_gusts(
-        *(
-            (fitted.regression.system, fitted.joint)
-            if fitted
-            else (start.system, start.first.joint)
-        ),
-        nominal_gusts,
-    )
+    system = fitted.regression.system if fitted else start.system
+    joint = fitted.joint if fitted else start.first.joint
+    gusts = find_gusts(system, joint, nominal_gusts)
     if not gusts or gusts.force_N < least_rms_in("force_x", start.system.model):
         return None
     hanging = [name for name in accepted.names if name in HANGING]

@@ -100,7 +100,7 @@ def add_laws(
             for t in terms
             if t.channel in varying
             and abs(fitted.effects[LAW][t.key]) > settings.statistics.clear_sds * sd[t]
-            and _matters(t, fitted)
+            and _is_relevant(t, fitted)
         ]
         if len(clear) == len(terms):
             break
@@ -168,7 +168,7 @@ def rival_laws(explanation: Explanation) -> dict[str, RivalLaw]:
     return rivals
 
 
-def _matters(term: Term, fitted: Fitted) -> bool:
+def _is_relevant(term: Term, fitted: Fitted) -> bool:
     """Return whether a term is above the practical significance threshold of its channel."""
     system = fitted.regression.system
     columns = term_columns([term], system, system.model)

@@ -288,7 +288,7 @@ class _Channel:
 
         Their mean is subtracted where it counts in full.
         """
-        rest = _without_mean(x) if mean_counts else x
+        rest = _less_mean(x) if mean_counts else x
         spanned = self.instruments.spanned.get(self.name)
         return rest if spanned is None else rest - project(x, spanned)
 
@@ -330,7 +330,7 @@ def _thrust_gain(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.nd
     # of moments only that of a gain near the ground that is on: while one is searched, its moment
     # tells it from a fountain
     is_on = [near_ground_gain(key) and key.endswith(OWN_MOMENT) for key in keys]
-    return np.array(is_on, dtype=float) * _without_mean(x)
+    return np.array(is_on, dtype=float) * _less_mean(x)
 
 
 def _changes(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
@@ -345,7 +345,7 @@ def _load(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
 
 def _height(x: np.ndarray, keys: Sequence[str], channel: _Channel) -> np.ndarray:
     """Return changes of the rangefinder's error."""
-    return _without_mean(x)
+    return _less_mean(x)
 
 
 def _is_balance(channel: _Channel) -> bool:
@@ -544,5 +544,5 @@ def _columns_of(kind: str, keys: Sequence[str], on: Collection[str]) -> dict[str
     return columns
 
 
-def _without_mean(x: np.ndarray) -> np.ndarray:
+def _less_mean(x: np.ndarray) -> np.ndarray:
     return x - x.mean(axis=0)

@@ -104,8 +104,8 @@ def _ridge_residuals(y: np.ndarray, x: np.ndarray, prior_sds: np.ndarray) -> np.
     far = settings.numerics.wide_factor * np.sqrt(sd2)[:, None] / np.maximum(size, tiny)
     # in units of how far each may go, the prior N(0, 1) is a ridge of the noise's variance;
     # that variance is what is left, so it is found by turns
-    reach = np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
-    x = x * reach[..., None]
+    sds = np.where(np.isfinite(prior_sds), prior_sds, np.where(size > 0, far, 0.0))
+    x = x * sds[..., None]
     gram, right = x @ x.swapaxes(1, 2), x @ y[..., None]
     least = np.maximum(settings.numerics.small * np.trace(gram, axis1=1, axis2=2), tiny)
     e = y

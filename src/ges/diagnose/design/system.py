@@ -334,10 +334,12 @@ def flight_rows(
         _drive_form_error(flight, windows, names, base.drive.commanded),
         base.drive,
     )
-    return dataclasses.replace(rows, endogenous=_endogenous(rows, model, names, columns, reuse))
+    return dataclasses.replace(
+        rows, endogenous=_parts_of_flight(rows, model, names, columns, reuse)
+    )
 
 
-def _endogenous(
+def _parts_of_flight(
     rows: FlightRows,
     model: Model,
     names: Sequence[str],

@@ -323,7 +323,7 @@ def _with_feedback_errors(
         of_kind = [{c: p for (k, c), p in power.items() if k == kind} for power in powers]
         for rows, own, bounds in zip(flights, by_channels, _error_bounds(of_kind), strict=True):
             for channels in [channels for channels in own if channels[0] in bounds]:
-                parts, at = _endogenous(rows, kind, channels)
+                parts, at = _acting_parts(rows, kind, channels)
                 if at:
                     bound = np.stack([bounds[c][at] for c in channels])
                     errors = FeedbackErrors(parts, bound, noise.disturbance[list(channels)])
@@ -340,7 +340,7 @@ def _power_of_endogenous(rows: FlightRows, white: White) -> dict[tuple[str, int]
     for group in white.groups:
         channels = group.channels
         for kind in (kind for kind, channel in rows.endogenous if channel == channels[0]):
-            parts, at = _endogenous(rows, kind, channels)
+            parts, at = _acting_parts(rows, kind, channels)
             mean_squares = np.zeros((len(channels), len(rows.endogenous[kind, channels[0]])))
             if at:
                 whitened = _whitened_parts(group.innovations, parts)
@@ -349,7 +349,7 @@ def _power_of_endogenous(rows: FlightRows, white: White) -> dict[tuple[str, int]
     return power
 
 
-def _endogenous(
+def _acting_parts(
     rows: FlightRows, kind: str, channels: Sequence[int]
 ) -> tuple[tuple[list[EndogenousPart], ...], list[int]]:
     """Return the endogenous parts of those columns that act on some of g channels.

@@ -87,7 +87,7 @@ class JointFit:
     ----------
     chosen : (k,) coefficients of the chosen columns.
     covariance : (k, k) of them, widened for the scatter between blocks of time.
-    row_covariance : (k, k) as if rows were independent.
+    row_covariance : (k, k) as if rows were independent; tests compare it.
     cost : -2 log posterior at its minimum, but for a constant.
     common : common nuisances by key, as corrections of the vehicle file.
     common_sd : their standard deviations.

@@ -66,7 +66,7 @@ def operating_point(regression: Regression, joint: JointFit, nominal: Model) -> 
         # only the first round can take the whole linear step
         mostly_linear |= fit is whole and is_shared
         corrections = dict(fit.common)
-        regression = _linearise(regression, nominal, corrections)
+        regression = _relinearise(regression, nominal, corrections)
         joint = joint_fit(regression, ())
         cost = _cost(regression, {})
         if cost - joint.cost < settings.statistics.least_gain * cost:
@@ -155,7 +155,7 @@ def at_corrections(nominal: Model, corrections: Mapping[str, float]) -> Model:
     )
 
 
-def _linearise(
+def _relinearise(
     regression: Regression, nominal: Model, corrections: Mapping[str, float]
 ) -> Regression:
     """Return the regression of the nuisances, linearised with these corrections.

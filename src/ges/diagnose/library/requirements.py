@@ -139,7 +139,8 @@ def untestable_drags(flights: Flights, model: Model) -> dict[str, str]:
 
     Notes
     -----
-    Every multirotor has one. Whatever else pushes sideways has to be told from it.
+    Every multirotor has some drag. Whatever else pushes sideways has to be separated from it. Drags
+    are effects that need the velocity, and act in forces alone, along x and y among them.
     """
     drags = (
         name

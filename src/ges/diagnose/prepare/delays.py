@@ -270,9 +270,9 @@ def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lagged_response_rows(flight: Prepared, taps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return lagged commands and speeds of every rotor in the air, in sequence.
+    """Return lagged commands (rotors r, taps) and speeds (rotors r,), over their means.
 
-    They are over their means, and high-passed.
+    They are of the r rows in the air, rotor after rotor, and high-passed.
     """
     air = np.flatnonzero(flight.flying)
     # over the means one response serves all rotors, whatever the units and the gain of each

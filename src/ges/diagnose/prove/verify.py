@@ -130,7 +130,7 @@ def channel_table(
     return {
         f"{n}_{unit_of(n)}": stages_row(by, block)
         for n, by in by_name.items()
-        if _present(by["before"])
+        if _has_errors(by["before"])
     }
 
 
@@ -165,10 +165,10 @@ def rms_table(errors: Sequence[np.ndarray], names: Sequence[str]) -> dict[str, f
     names : of the C channels.
     """
     by_name = {n: [e[:, c] for e in errors] for c, n in enumerate(names)}
-    return {f"{n}_{unit_of(n)}": rms(each) for n, each in by_name.items() if _present(each)}
+    return {f"{n}_{unit_of(n)}": rms(each) for n, each in by_name.items() if _has_errors(each)}
 
 
-def _present(each: Sequence[np.ndarray]) -> bool:
+def _has_errors(each: Sequence[np.ndarray]) -> bool:
     return any(np.isfinite(e).any() for e in each)
 
 

@@ -96,7 +96,7 @@ def error_rows(
         if stages and max(stages) < least_relevant_error(name, scale):
             small.append(name)
             continue
-        reduction = _interval(c)
+        reduction = _reduction_interval(c)
         change = c["after"] / c["recalibrated"] - 1.0 if c["recalibrated"] else None
         state = ""
         # certain and large enough, both: either alone makes no row better or worse
@@ -115,7 +115,7 @@ def error_rows(
     return rows, small
 
 
-def _interval(row: Mapping[str, Any]) -> tuple[float, float] | None:
+def _reduction_interval(row: Mapping[str, Any]) -> tuple[float, float] | None:
     """Return ``reduction_ci95`` of a row of the fit; None where it has none."""
     low, high = row.get("reduction_ci95") or (None, None)
     return None if low is None or high is None else (low, high)

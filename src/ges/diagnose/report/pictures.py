@@ -25,7 +25,7 @@ from ges.diagnose.types.words import (
     unit_words,
 )
 
-STAGES = ("before", "recalibrated", "names_only", "after")
+DRAWN_STAGES = ("before", "recalibrated", "names_only", "after")
 # Okabe and Ito's colour-blind safe set
 COLOURS = {
     "before": "#999999",
@@ -230,7 +230,7 @@ def draw_held_out(axis: Axes, channels: Mapping[str, Mapping[str, Any]]) -> None
     channels : as for :func:`held_out_bars`.
     """
     names = [n for n in channels if channels[n]["before"] > 0]
-    stages = [s for s in STAGES if all(s in channels[n] for n in names)]
+    stages = [s for s in DRAWN_STAGES if all(s in channels[n] for n in names)]
     # a bar and a gap for every stage, centred on the channel's tick
     step = 0.78 / len(stages)
     for k, stage in enumerate(stages):

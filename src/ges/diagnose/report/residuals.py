@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from ges.diagnose.prove.traces import Trace
 from ges.files import replacing
 
-STAGES = {"before": "given", "recalibrated": "recalibrated", "after": "fitted"}
+COLUMN_OF_STAGE = {"before": "given", "recalibrated": "recalibrated", "after": "fitted"}
 """Stages of the proof by their names in the file."""
 
 
@@ -40,7 +40,7 @@ def residual_table(traces: Sequence[Trace]) -> pa.Table:
     }
     for name in channels:
         columns[f"{name}/recorded"] = np.concatenate([_column(t, t.recorded, name) for t in traces])
-        for stage, word in STAGES.items():
+        for stage, word in COLUMN_OF_STAGE.items():
             columns[f"{name}/{word}"] = np.concatenate(
                 [_column(t, t.simulated[stage], name) for t in traces]
             )
