@@ -334,11 +334,11 @@ def significant(fitted: Fitted, name: str) -> Decision:
     -----
     1. A wind has to blow faster than air that is still.
     2. No amplitude stands at a bound.
-    3. Some amplitude is certainly beyond its prior, and ``required_sds`` from neutral with its
-       shape given: an effect whose size its shape leaves open is there all the same.
+    3. Some amplitude is certainly beyond its prior, and far from neutral with its shape given. An
+       effect whose size its shape leaves open is there all the same.
 
-    What corrects a number of the file has to be certain, as ten such numbers and more are always
-    free. For other effects ``clear_sds`` are enough.
+    Far is ``certain_sds`` for what corrects a number of the file, as ten such numbers and more are
+    always free. For other effects it is ``clear_sds``.
     """
     effect, rule = effect_table.get(name), SIGNIFICANT
     if effect.moves_air:

@@ -84,7 +84,7 @@ class Fitted:
         return math.hypot(math.sqrt(self.covariance[i, i]), self._form_error(effect, parameter))
 
     def sds_beyond_bound(self, effect: str, parameter: str) -> float:
-        """Return the distance of the optimum from the fitted value in its sd, given the shape.
+        """Return how many sds the optimum lies from the fitted value, given the shape.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class Fitted:
 
         Notes
         -----
-        Only a bound of the parameter keeps a fit that converged from its optimum.
+        They differ only where a bound of the parameter stops a fit that converged.
         """
         i, step = self.free.index((effect, parameter)), self.joint_free_moments.chosen
         given, slopes, sd = self._given_shape(effect, parameter, self.covariance)
