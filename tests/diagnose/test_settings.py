@@ -16,7 +16,6 @@ from ges.diagnose.settings import (
     Convention,
     Measured,
     Numerical,
-    Paper,
     Settings,
     changed_settings,
     of_method,
@@ -86,7 +85,7 @@ def test_numbers_in_functions_are_those_of_formulas(path):
 def test_every_number_has_a_meaning_and_a_source(key):
     value, about = ALL[key]
     assert about.meaning.endswith(".") and len(about.meaning.split()) <= 30
-    assert isinstance(about.source, Paper | Measured | Convention | Numerical)
+    assert isinstance(about.source, Measured | Convention | Numerical)
     assert all(dataclasses.astuple(about.source))
     for v in value if isinstance(value, tuple) else (value,):
         assert about.low <= v <= about.high

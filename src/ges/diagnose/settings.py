@@ -22,23 +22,6 @@ from ges.errors import UsageError, unknown_name
 
 
 @dataclasses.dataclass(frozen=True)
-class Paper:
-    """A number that a publication gives.
-
-    Attributes
-    ----------
-    reference : the publication.
-    equation : where the number stands in it.
-    """
-
-    reference: str
-    equation: str
-
-    def __str__(self) -> str:
-        return f"{self.reference}, {self.equation}"
-
-
-@dataclasses.dataclass(frozen=True)
 class Measured:
     """A number that was set by what it does to recordings or concealed cases.
 
@@ -71,25 +54,14 @@ class Convention:
     why: str
 
     def __str__(self) -> str:
-        return f"convention: {self.why}"
+        return f"{type(self).__name__.lower()}: {self.why}"
 
 
-@dataclasses.dataclass(frozen=True)
-class Numerical:
-    """A number that no result should depend on.
-
-    Attributes
-    ----------
-    why : reason for the choice.
-    """
-
-    why: str
-
-    def __str__(self) -> str:
-        return f"numerical: {self.why}"
+class Numerical(Convention):
+    """A convention that no result should depend on."""
 
 
-Source = Paper | Measured | Convention | Numerical
+Source = Measured | Convention
 
 
 ABOVE_ZERO, BELOW_ONE = math.nextafter(0.0, 1.0), math.nextafter(1.0, 0.0)
@@ -125,9 +97,9 @@ class About:
 
 def setting(
     value: Any,
-    unit: str,
     meaning: str,
     source: Source,
+    unit: str = "",
     low: float = ABOVE_ZERO,
     high: float = math.inf,
 ) -> Any:
@@ -136,7 +108,7 @@ def setting(
     Parameters
     ----------
     value : default; of several numbers each lies within the bounds.
-    unit, meaning, source, low, high : as in :class:`About`.
+    meaning, source, unit, low, high : as in :class:`About`.
     """
     return dataclasses.field(
         default=value, metadata={"about": About(unit, meaning, source, low, high)}
@@ -151,7 +123,7 @@ def probability(value: float, meaning: str, source: Source) -> Any:
     value : default, between 0 and 1.
     meaning, source : as in :class:`About`.
     """
-    return setting(value, "", meaning, source, high=BELOW_ONE)
+    return setting(value, meaning, source, high=BELOW_ONE)
 
 
 RUN = "ges blind run DIR --set KEY=VALUE && ges blind score DIR --set KEY=VALUE"
@@ -179,61 +151,57 @@ class StatisticsSettings:
     )
     clear_sds: float = setting(
         3.0,
-        "sds",
         "Deviation of a fitted effect, a term, a delay, a held reading or a calibrated number that"
         " counts.",
         Convention("one in 370 of Gaussian errors"),
+        unit="sds",
     )
     certain_sds: float = setting(
         4.0,
-        "sds",
         "Deviation from which a delay, an offset or a nominal parameter is no chance.",
         Convention(
             "one in 16,000 of honest prior sds, so that one of ten numbers is called in fewer than"
             " one of a thousand vehicles"
         ),
+        unit="sds",
     )
     least_gain: float = setting(
         0.02,
-        "",
         "Share of an error or of a variance from which a change, or a large structure, counts.",
         Convention("two in a hundred, a small part of what flights of a day differ by"),
     )
     extreme_quantile: float = setting(
         0.01,
-        "",
         "Quantile that stands for the least of a signal, its complement for the most.",
         Convention("no single sample"),
         high=0.5,
     )
     ridge_windows: float = setting(
         3.0,
-        "windows",
         "Windows that a prior of no relation is worth.",
         Numerical("few against a flight's hundreds"),
+        unit="windows",
     )
     block_s: float = setting(
         5.0,
-        "s",
         "Length of blocks of time that count as independent, and of means in which gusts show.",
         Convention("longer than a gust or a correction of a controller lasts; not measured"),
+        unit="s",
     )
     folds: int = setting(
         4,
-        "",
         "Parts of the time of which each is predicted from the others.",
         Convention("few enough for short flights; not measured"),
         low=2,
     )
     resamples: int = setting(
         499,
-        "",
         "Draws behind an interval or a chance.",
         Numerical("a chance of a hundredth is good to a half"),
         low=99,
     )
     seed: int = setting(
-        0, "", "Seed of every draw.", Numerical("results are the same every time"), low=0
+        0, "Seed of every draw.", Numerical("results are the same every time"), low=0
     )
 
     @property
@@ -265,51 +233,44 @@ class StatisticsSettings:
 class NumericsSettings:
     """Limits of arithmetic and of iterations."""
 
-    tiny: float = setting(
-        1e-30, "", "What a divisor or a logarithm is at least.", Numerical("no zero")
-    )
+    tiny: float = setting(1e-30, "What a divisor or a logarithm is at least.", Numerical("no zero"))
     small: float = setting(
-        1e-9, "", "Relative difference that is rounding.", Numerical("far above 64 bit's")
+        1e-9, "Relative difference that is rounding.", Numerical("far above 64 bit's")
     )
     wide_factor: float = setting(
         10.0,
-        "",
         "How much wider than its prior a coefficient may be where the flights alone shall set it.",
         Numerical("a prior so wide weighs a hundredth"),
     )
     step_s: float = setting(
         0.0025,
-        "s",
         "Longest step of a replayed drive, of a flight along references and of a rollout.",
         Numerical("a sixth of a fast motor's lag"),
+        unit="s",
     )
     noise_rounds: int = setting(
         4,
-        "",
         "Most rounds of search and noise, or of noise and nuisances.",
         Numerical("most sets need two; not measured"),
         low=1,
     )
     fit_rounds: int = setting(
-        12, "", "Most Gauss-Newton rounds of a fit.", Numerical("most fits need four"), low=1
+        12, "Most Gauss-Newton rounds of a fit.", Numerical("most fits need four"), low=1
     )
     shortening_most: float = setting(
         0.1,
-        "",
         "Least share of a step of a fit that is tried after it cost more than it saved.",
         Numerical("the safeguard of interpolation, Nocedal and Wright 2006, section 3.5"),
         high=1.0,
     )
     cached_numbers: int = setting(
         32768,
-        "",
         "Numbers of a channel that are whitened together.",
         Numerical("a quarter of a megabyte, which a core's cache has"),
         low=1,
     )
     bound_sweeps: int = setting(
         3,
-        "",
         "Sweeps of expectation propagation over bounded coefficients.",
         Measured(
             "of 1600 tied sets of two to seven coefficients none is farther than 0.04 nats from"
@@ -322,13 +283,12 @@ class NumericsSettings:
     )
     gain_ratio_least: float = setting(
         0.75,
-        "",
         "Actual over predicted fall of the cost from which a step is as good as predicted.",
-        Paper("Nocedal and Wright 2006, Numerical Optimization", "algorithm 4.1"),
+        Numerical("Nocedal and Wright 2006, Numerical Optimization, algorithm 4.1"),
         high=1.0,
     )
     sets_at_once: int = setting(
-        4096, "", "Sets of candidates that are weighed as one array.", Numerical("memory"), low=1
+        4096, "Sets of candidates that are weighed as one array.", Numerical("memory"), low=1
     )
 
 
@@ -337,17 +297,19 @@ class PrepareSettings:
     """Grid, samples in the air, delays between streams, noisy readings."""
 
     grid_step_shortest_s: float = setting(
-        0.005, "s", "Finest grid.", Convention("faster logs repeat the vibration of the rotors")
+        0.005,
+        "Finest grid.",
+        Convention("faster logs repeat the vibration of the rotors"),
+        unit="s",
     )
     flight_shortest_s: float = setting(
         3.0,
-        "s",
         "Shortest recording, time in the air, and time that tells a delay.",
         Convention("fifteen of the shortest windows; not measured"),
+        unit="s",
     )
     lifting_share: float = setting(
         0.7,
-        "",
         "Share of the usual thrust that carries the vehicle; well above the ground the rest of it,"
         " as in a brisk descent, is still flight.",
         Convention(
@@ -358,7 +320,6 @@ class PrepareSettings:
     )
     near_ground_m: float = setting(
         0.3,
-        "m",
         "Height over rest that is well above the ground: a descent there is flight, and no blow"
         " happens; what goes as far below its rest has left a table.",
         Measured(
@@ -367,10 +328,10 @@ class PrepareSettings:
             "6966152",
             "ges diagnose FLIGHTS --set prepare.near_ground_m=0.1",
         ),
+        unit="m",
     )
     pause_s: float = setting(
         0.5,
-        "s",
         "Longest gap of the motion, or of the rangefinder, that is bridged, and time left out"
         " around every contact with the ground.",
         Measured(
@@ -380,38 +341,41 @@ class PrepareSettings:
             "ges blind make --seed 29 --grid full --out DIR && "
             + RUN.replace("KEY=VALUE", "prepare.pause_s=0.25"),
         ),
+        unit="s",
     )
     height_error_m: float = setting(
         0.02,
-        "m",
         "Height over its own rest at which a vehicle has left the ground, and least error of a"
         " rangefinder.",
         Convention("noise of a position; not measured"),
+        unit="m",
     )
     thrust_smoothing_s: float = setting(
         0.15,
-        "s",
         "Smoothing of thrust and of climbs.",
         Convention(
             "faster is vibration; from 0.12 to 0.17 the loads of crazypad are told the same"
         ),
+        unit="s",
     )
     rate_smoothing_s: float = setting(
-        0.02, "s", "Smoothing before a rate is differentiated.", Convention("two samples at 100 Hz")
+        0.02,
+        "Smoothing before a rate is differentiated.",
+        Convention("two samples at 100 Hz"),
+        unit="s",
     )
     lag_steps: int = setting(
         30,
-        "",
         "Steps of delays up to the longest.",
         Numerical("a parabola finds the peak between steps"),
         low=3,
     )
     slow_Hz: float = setting(
         0.3,
-        "Hz",
         "Positions and voltages are as they were read below, and told by their cause above; what"
         " changes more slowly says nothing of a delay.",
         Convention("the longest thread that is tried, 2.4 m, swings at 0.32 Hz; not measured"),
+        unit="Hz",
     )
 
     @property
@@ -432,27 +396,23 @@ class LibrarySettings:
 
     step_share: float = setting(
         0.1,
-        "",
         "Step of a column over the usual size of its parameter, or over its range.",
         Numerical("columns are secants of nearly linear effects"),
     )
     command_quantiles: tuple[float, ...] = setting(
         (0.8, 0.95, 0.99, 0.999),
-        "",
         "Quantiles of the commands in the air at which a ceiling of the rotors is tried.",
         Convention("from often to hardly ever reached; not measured"),
         high=1.0,
     )
     places_most: int = setting(
         36,
-        "",
         "Most places over which something is looked for.",
         Numerical("limits time; doubled and halved, no answer of 11 sets changes"),
         low=1,
     )
     edge_slope: float = setting(
         0.4,
-        "",
         "Slope of the ground from which a rangefinder's cone sees an edge.",
         Convention("lags were named over edges (commit cf4fae8); the value was not measured"),
     )
@@ -464,36 +424,34 @@ class DesignSettings:
 
     window_shortest_s: float = setting(
         0.2,
-        "s",
         "Shortest support of a test function. Half or a quarter of it limits smoothing, grids, and"
         " what is left out around transients.",
         Convention("long against a sample, short against a manoeuvre; not measured"),
+        unit="s",
     )
     window_updates: float = setting(
         3.0,
-        "updates",
         "Support of a test function over the time between two values of the slowest stream; a value"
         " that stands as long was held, or clipped.",
         Convention(
             "a straight line between values is good to a part of the window, and lost packets come"
             " in ones and twos; not measured"
         ),
+        unit="updates",
     )
     half_waves_most: int = setting(
-        3, "", "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
+        3, "Most half-waves of a test function.", Convention("7.5 Hz; not measured")
     )
     instruments: bool = setting(
-        True, "", "Whether references serve as instruments.", Convention("off in an ablation")
+        True, "Whether references serve as instruments.", Convention("off in an ablation")
     )
     nominal_tolerance: bool = setting(
         True,
-        "",
         "Whether nominal parameters may move within prior sds.",
         Convention("off in an ablation"),
     )
     response_slowest_s: float = setting(
         0.5,
-        "s",
         "Slower changes of thrust are no answers to gusts, whose scatter shows within so long.",
         Measured(
             "thrust curves that were none were named, two of 700 names",
@@ -501,6 +459,7 @@ class DesignSettings:
             "9b8a121",
             RUN.replace("KEY=VALUE", "design.response_slowest_s=5"),
         ),
+        unit="s",
     )
 
     @property
@@ -524,24 +483,22 @@ class NoiseSettings:
     """Autocorrelation and size of the residual of a channel."""
 
     whitening: bool = setting(
-        True, "", "Whether windows are whitened.", Convention("off in an ablation")
+        True, "Whether windows are whitened.", Convention("off in an ablation")
     )
     autoregression_order: int = setting(
         3,
-        "windows",
         "Order of the autoregression.",
         Convention("half-overlapping windows and a pole of turbulence"),
+        unit="windows",
         low=1,
     )
     least_share: float = setting(
         1e-5,
-        "",
         "Least noise, of weight and its like.",
         Numerical("no recording is better; doubled and halved, no answer of 11 sets changes"),
     )
     growths: tuple[float, ...] = setting(
         (0.0, 0.1, 0.3, 1.0, 3.0),
-        "",
         "Growths of the noise's variance with covariate that are tried.",
         Numerical("half a decade apart"),
         low=0.0,
@@ -554,7 +511,6 @@ class EvidenceSettings:
 
     tempering: float = setting(
         0.4,
-        "",
         "How much every whitened window counts.",
         Measured(
             "scores over blocks of time scatter 2.3 times as much as those of independent windows"
@@ -567,13 +523,11 @@ class EvidenceSettings:
     )
     prior_share: float = setting(
         0.05,
-        "",
         "Prior sd of an effect's size, of weight and its like, where it states none.",
         Convention("effects of a few percent are looked for; not measured"),
     )
     level_reach: float = setting(
         2.0,
-        "",
         "Factor about a column's level within which its coefficient counts.",
         Convention("steps between levels (commit c60bbf5); not measured"),
         low=1.0,
@@ -586,21 +540,18 @@ class SearchSettings:
 
     size_probabilities: tuple[float, ...] = setting(
         (0.5, 0.3, 0.13, 0.05, 0.02),
-        "",
         "Prior probability of none, one, two ... causes; the largest set has one less than these.",
         Convention("every further cause is a third as likely; not measured"),
         high=1.0,
     )
     beam: int = setting(
         3,
-        "",
         "How many of the best are followed: sets that grow, hidden effects, rivals that are flown.",
         Numerical("limits time; of 2 and of 6, no answer of 11 sets changes"),
         low=1,
     )
     log_odds_offset: float = setting(
         -0.36,
-        "",
         "Offset of the stated log odds.",
         Measured(
             "names of development cases against their truth",
@@ -612,7 +563,6 @@ class SearchSettings:
     )
     log_odds_slope: float = setting(
         0.597,
-        "",
         "Slope of the stated log odds over those of the search.",
         Measured(
             "names of development cases against their truth",
@@ -629,13 +579,12 @@ class EstimateSettings:
 
     converged_sds: float = setting(
         0.02,
-        "sds",
         "Step that ends a fit, and prior sd of what is held in one.",
         Numerical("results are the same from anywhere (commit 6a9f74a)"),
+        unit="sds",
     )
     form_error: float = setting(
         0.12,
-        "",
         "Sd of an effect's size, over it, that is due to its form alone.",
         Measured(
             "sizes of effects of other forms against their truth",
@@ -646,9 +595,9 @@ class EstimateSettings:
     )
     prerequisite_share_least: float = setting(
         0.3,
-        "usual size",
         "Least size of a prerequisite, by which the size of what needs it is divided.",
         Numerical("no quotient beyond bounds; doubled and halved, no answer of 11 sets changes"),
+        unit="usual size",
         high=1.0,
     )
 
@@ -659,7 +608,6 @@ class DetectSettings:
 
     gust_variance_ratio: float = setting(
         6.0,
-        "",
         "Variance of means over what noise makes of it.",
         Measured(
             "flights with a drag come to 3.5, with gusts of 0.4 m/s to 12",
@@ -669,17 +617,15 @@ class DetectSettings:
         ),
         low=1.0,
     )
-    gust_draws: int = setting(16, "", "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
+    gust_draws: int = setting(16, "Gusts that are blown.", Numerical("noise of a sixth"), low=2)
     load_levels: int = setting(
         13,
-        "",
         "Threads, or first places, of a load that are tried at once.",
         Numerical("steps of 3 %, which a second grid makes twenty times as fine"),
         low=3,
     )
     places_nearby: tuple[float, ...] = setting(
         (0.08, 0.04, 0.02),
-        "",
         "Steps of thread and first place, over the distance behind.",
         Numerical("halved to centimetres"),
     )
@@ -690,31 +636,29 @@ class LocateSettings:
     """Structure in residuals, and its location."""
 
     knots: int = setting(
-        9, "", "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
+        9, "Knots of a smooth function, in every variable.", Convention("not measured"), low=2
     )
     spread_least: float = setting(
         0.5,
-        "m, m/s or rad/s",
         "Least spread of a place, a speed or the yaw rate that was flown over a range.",
         Convention("less is what the disturbance itself moves; not measured"),
+        unit="m, m/s or rad/s",
     )
     height_spread_least: float = setting(
         0.3,
-        "median height",
         "Least spread of a height that was flown over a range.",
         Convention("near a third; not measured"),
+        unit="median height",
         high=1.0,
     )
     large_r2: float = setting(
         0.3,
-        "",
         "Share of a channel's variance, predicted by a regime of flight, from which it is large.",
         Convention("near a third; not measured"),
         high=1.0,
     )
     r2_least: float = setting(
         0.1,
-        "",
         "Least share of a channel's variance that a regime predicts, and of that of the residual"
         " where a finding is told to act.",
         Measured(
@@ -733,17 +677,18 @@ class DecideSettings:
 
     form_margin: float = setting(
         2.0,
-        "",
         "How much more than what no model is right to a structure has to be.",
         Convention("no form is perfect; not measured"),
         low=1.0,
     )
     still_air_m_s: float = setting(
-        0.3, "m/s", "Least wind.", Convention("no air is stiller, nor any position more at rest")
+        0.3,
+        "Least wind.",
+        Convention("no air is stiller, nor any position more at rest"),
+        unit="m/s",
     )
     least_thrust_share: float = setting(
         0.002,
-        "",
         "Least error of a thrust that matters, over it; forces, moments and speeds follow.",
         Convention("no model is right to less; not measured"),
     )
@@ -759,22 +704,21 @@ class AdviseSettings:
         Convention("the usual power of a test, rounded up"),
     )
     duration_s: float = setting(
-        30.0, "s", "Length of a flight that is tried.", Convention("a short flight")
+        30.0, "Length of a flight that is tried.", Convention("a short flight"), unit="s"
     )
     attitude_kp: float = setting(
         400.0,
-        "1/s^2",
         "Attitude gain it is flown with.",
         Convention("stands in for an integral action that trims unequal motors away"),
+        unit="1/s^2",
     )
     settled_log_odds: float = setting(
         20.0,
-        "",
         "Lead beyond which nothing more is gained.",
         Convention("no later flight undoes it; less would make manoeuvres equal"),
     )
     flights_most: int = setting(
-        20, "", "Most flights that are recommended.", Convention("a day at the field"), low=1
+        20, "Most flights that are recommended.", Convention("a day at the field"), low=1
     )
 
 
@@ -784,33 +728,30 @@ class CalibrateSettings:
 
     loss_sd: float = setting(
         0.1,
-        "",
         "Prior sd of the gain of a motor.",
         Convention("propellers of small vehicles; not measured"),
     )
     cant_sd_rad: float = setting(
         0.01,
-        "rad",
         "Prior sd of the cant of the rotors.",
         Convention("motors that stand straight to a degree, the mean of four; not measured"),
+        unit="rad",
     )
     spread: float = setting(
         0.2,
-        "",
         "Usual spread of a trim between flights, from commands, over the prior sd of it.",
         Convention("warm motors, a battery put back elsewhere: 2 % of a gain; not measured"),
     )
     smaller_spread: float = setting(
         0.25,
-        "",
         "The same within a session, over that, and from rotor speeds, over that from commands.",
         Convention("small quadrotors (CrazyPAD): 0.5 % within a session, 2 % between"),
     )
     spread_factor_most: float = setting(
-        20.0, "", "Spread over the usual one, or under it, at most.", Numerical("far above any use")
+        20.0, "Spread over the usual one, or under it, at most.", Numerical("far above any use")
     )
     converged_share: float = setting(
-        0.2, "", "Step over its prior sd that ends a calibration.", Numerical("commit 8cbfda3")
+        0.2, "Step over its prior sd that ends a calibration.", Numerical("commit 8cbfda3")
     )
 
 
@@ -820,30 +761,31 @@ class ReportSettings:
 
     alternatives: int = setting(
         4,
-        "",
         "Most names that could stand in another's place.",
         Convention("a list that is read"),
         low=1,
     )
     tied_correlation: float = setting(
         0.9,
-        "",
         "Correlation from which two numbers are known together.",
         Convention("not measured"),
         high=1.0,
     )
     bins: int = setting(
-        6, "", "Cells of a variable on the map.", Convention("a map that is read"), low=2
+        6, "Cells of a variable on the map.", Convention("a map that is read"), low=2
     )
     horizon_s: float = setting(
-        1.0, "s", "Length of a rollout.", Convention("longer ones measure the start; not measured")
+        1.0,
+        "Length of a rollout.",
+        Convention("longer ones measure the start; not measured"),
+        unit="s",
     )
     entries_by_channel: int = setting(
-        3, "", "Most places listed of a channel.", Convention("a list that is read"), low=1
+        3, "Most places listed of a channel.", Convention("a list that is read"), low=1
     )
-    entries: int = setting(12, "", "Most places listed.", Convention("a list that is read"), low=1)
+    entries: int = setting(12, "Most places listed.", Convention("a list that is read"), low=1)
     terms: int = setting(
-        3, "", "Most terms of a sparse form.", Convention("a form that is read"), low=1
+        3, "Most terms of a sparse form.", Convention("a form that is read"), low=1
     )
 
 
