@@ -11,7 +11,7 @@ import fnmatch
 import functools
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -431,6 +431,17 @@ def _law() -> Effect:
         carried=(),
         searches=(),
     )
+
+
+def only(effects: Effects, keep: Callable[[Effect], object]) -> dict[str, Mapping[str, float]]:
+    """Return the effects whose descriptor has a property.
+
+    Parameters
+    ----------
+    effects : values of parameters, by effect.
+    keep : tells of a descriptor whether it has it.
+    """
+    return {name: values for name, values in effects.items() if keep(get(name))}
 
 
 def get(name: str) -> Effect:

@@ -77,7 +77,7 @@ def _of_commands(effects: effect_table.Effects) -> dict:
         n: m for n in effects_of_kind(effects, "actuator") if (m := effect_table.get(n).modifies)
     }
     on = {*modified, *modified.values()}
-    return {name: values for name, values in effects.items() if name in on}
+    return effect_table.only(effects, lambda e: e.name in on)
 
 
 def motor_commands(flight: Prepared, model: Model, effects: effect_table.Effects) -> np.ndarray:
@@ -124,11 +124,7 @@ def _drive_flight(
 ) -> sim.Flight:
     from ges.simulator.terrain import Terrain
 
-    drives = {
-        name: values
-        for name, values in effects_of_kind(effects, "actuator").items()
-        if not effect_table.get(name).modifies
-    }
+    drives = effect_table.only(effects, lambda e: e.kind == "actuator" and not e.modifies)
     every, n = flight.steps(settings.numerics.step_s), len(flight.t_s)
     step_s = flight.dt_s / every
     # rotors start as they were logged; else what they did before is unknown, and they start where
@@ -216,9 +212,7 @@ def acting_speeds(flight: Prepared, model: Model, effects: effect_table.Effects)
     if not flight.has("rotor_speed"):
         return commanded_speeds([flight], model, effects)[0]
     measured = flight.stack("rotor_speed")
-    suspect = {
-        name: values for name, values in effects.items() if effect_table.get(name).reads_voltage
-    }
+    suspect = effect_table.only(effects, lambda e: e.reads_voltage)
     if not suspect or flight.has("command") or not flight.has("battery"):
         return measured
     return _as_if_commanded(flight, measured, model, suspect)
@@ -260,13 +254,9 @@ def have_same_drive(one: Model, other: Model) -> bool:
 def _drive_effects(effects: effect_table.Effects) -> dict:
     """Return the effects that change rotor speeds, or commands on their way to the motors."""
     modified = {effect_table.get(name).modifies for name in effects_of_kind(effects, "actuator")}
-    return {
-        name: values
-        for name, values in effects.items()
-        if name in modified
-        or effect_table.get(name).kind == "actuator"
-        or effect_table.get(name).reads_voltage
-    }
+    return effect_table.only(
+        effects, lambda e: e.name in modified or e.kind == "actuator" or e.reads_voltage
+    )
 
 
 def affects_drive(effects: effect_table.Effects, on: effect_table.Effects | None = None) -> bool:

@@ -129,9 +129,7 @@ def effects_of_kind(effects: effect_table.Effects, *kinds: str) -> dict:
     effects : that are on.
     kinds : of the descriptor, as ``actuator`` or ``sensor``.
     """
-    return {
-        name: values for name, values in effects.items() if effect_table.get(name).kind in kinds
-    }
+    return effect_table.only(effects, lambda e: e.kind in kinds)
 
 
 def turning_faults(effects: effect_table.Effects) -> dict:
@@ -141,12 +139,8 @@ def turning_faults(effects: effect_table.Effects) -> dict:
     ----------
     effects : that are on.
     """
-    faults = effects_of_kind(effects, "sensor")
-    return {
-        name: values
-        for name, values in faults.items()
-        if {"gyro", "attitude"} & set(effect_table.get(name).channels)
-    }
+    turning = {"gyro", "attitude"}
+    return effect_table.only(effects, lambda e: e.kind == "sensor" and turning & set(e.channels))
 
 
 def undo_sensor_faults(

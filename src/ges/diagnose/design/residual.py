@@ -105,12 +105,7 @@ def without_actuators(effects: effect_table.Effects) -> dict:
     ----------
     effects : of which actuators and :func:`range_lags` are left out.
     """
-    late = range_lags(effects)
-    return {
-        name: values
-        for name, values in effects.items()
-        if effect_table.get(name).kind != "actuator" and name not in late
-    }
+    return effect_table.only(effects, lambda e: e.kind != "actuator" and not _is_range_lag(e))
 
 
 def range_lags(effects: effect_table.Effects) -> dict:
@@ -124,11 +119,11 @@ def range_lags(effects: effect_table.Effects) -> dict:
     -----
     With them samples depend on one another, which forces need not wait for.
     """
-    return {
-        name: values
-        for name, values in effects.items()
-        if (effect := effect_table.get(name)).n_states and effect.channels == ("range",)
-    }
+    return effect_table.only(effects, _is_range_lag)
+
+
+def _is_range_lag(effect: effect_table.Effect) -> bool:
+    return effect.n_states > 0 and effect.channels == ("range",)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -322,11 +317,7 @@ def _range_output(
 
 def _of_the_range(effects: effect_table.Effects) -> dict:
     """Return the effects that a rangefinder shows, its memory included: no force is among them."""
-    return {
-        name: values
-        for name, values in effects.items()
-        if "range" in effect_table.get(name).channels
-    }
+    return effect_table.only(effects, lambda e: "range" in e.channels)
 
 
 def replay_with_each(

@@ -435,7 +435,7 @@ def _log_height(rows: FlightRows) -> np.ndarray:
 
 def _air_speed(flight: Prepared, model: Model) -> np.ndarray:
     """Return the speed through the air of a model's winds, (n, 3), body frame, m/s."""
-    winds = {n: e for n, e in model.effects.items() if effect_table.get(n).moves_air}
+    winds = effect_table.only(model.effects, lambda e: e.moves_air)
     world = flight.stack("velocity").copy()
     world[:, :2] -= _wind(flight, model, winds)
     columns = motion_of(flight, model, {}).columns

@@ -91,11 +91,7 @@ def fly_rollouts(flight: Prepared, model: Model, n: int) -> Rollouts:
     battery = flight.columns.get("battery_V", np.full(len(table), np.nan))
     inputs = np.column_stack([table, battery, rates])
     # imposed speeds have what actuators did in them, and a rollout reads no sensor
-    effects = {
-        k: v
-        for k, v in model.effects.items()
-        if effect_table.get(k).kind not in ("sensor", "actuator")
-    }
+    effects = effect_table.only(model.effects, lambda e: e.kind not in ("sensor", "actuator"))
     starts = rollout_starts(flight, n)
     pieces = [_piece(flight, model, effects, recorded, inputs[s : s + n + 2], s) for s in starts]
     return Rollouts(

@@ -324,11 +324,7 @@ def modifiers_of(variant: Variant) -> effect_table.Effects:
     ----------
     variant : of any effect.
     """
-    return {
-        name: values
-        for name, values in variant.given.items()
-        if variant.effect in effect_table.get(name).prerequisites
-    }
+    return effect_table.only(variant.given, lambda e: variant.effect in e.prerequisites)
 
 
 def family_of(name: str) -> set[str]:

@@ -69,7 +69,7 @@ def _closed_loop_errors(
     flight: Prepared, windows: Windows, model: Model, names: Sequence[str]
 ) -> np.ndarray | None:
     """Return simulated minus recorded, (windows, k); None where the model cannot follow."""
-    physics = {n: v for n, v in model.effects.items() if effect_table.get(n).kind != "sensor"}
+    physics = effect_table.only(model.effects, lambda e: e.kind != "sensor")
     simulated = replay_references(
         flight, dataclasses.replace(model, effects=physics), command(model.n_rotors)
     )

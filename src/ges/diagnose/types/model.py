@@ -200,10 +200,6 @@ class Model:
         return dataclasses.replace(self, effects=effects)
 
 
-def _relative(quantity: Quantity | None) -> float:
-    return quantity.sd / abs(quantity.value) if quantity else 0.0
-
-
 def _number(vehicle: Vehicle, path: str) -> tuple[float, float] | None:
     """Return the value and sd of a number of the vehicle file, None where the file has none.
 
@@ -262,11 +258,7 @@ def from_vehicle(vehicle: Vehicle, folder: Path | str = ".") -> Model:
     }
     return Model(
         vehicle.parameters(),
-        {
-            name: values
-            for name, values in vehicle.effect_values().items()
-            if "random" not in effect_table.get(name).hints
-        },
+        effect_table.only(vehicle.effect_values(), lambda e: "random" not in e.hints),
         vehicle.ground(folder),
         _prior_sds_of_file(vehicle),
         # what the file does not state is the simulator's default, which no channel may stand on
