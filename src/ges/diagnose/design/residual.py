@@ -281,9 +281,8 @@ def evaluate(
                 block_output = range_output = _range_output(
                     flight, model, effects, drive, motion, output, reuse
                 )
-            residuals.update(
-                _BLOCKS[block](flight, windows, model, names, drive, motion, measured, block_output)
-            )
+            parts = _Parts(flight, windows, model, names, drive, motion, measured, block_output)
+            residuals.update(_BLOCKS[block](parts))
     return Evaluation(drive, motion, samples, effects, output, range_output, measured, residuals)
 
 
@@ -372,94 +371,74 @@ def _measured_rates(
     return rates
 
 
-def _force(
-    flight: Prepared,
-    windows: Windows,
-    model: Model,
-    names: Sequence[str],
-    drive: Drive,
-    motion: Motion,
-    measured: Mapping[str, np.ndarray],
-    output: effect_table.Replay,
-) -> dict[str, np.ndarray]:
+@dataclasses.dataclass(frozen=True)
+class _Parts:
+    """What the residual of a block of channels is made of, see :func:`evaluate`."""
+
+    flight: Prepared
+    windows: Windows
+    model: Model
+    names: Sequence[str]
+    drive: Drive
+    motion: Motion
+    measured: Mapping[str, np.ndarray]
+    output: effect_table.Replay
+
+
+def _force(parts: _Parts) -> dict[str, np.ndarray]:
     """Return the residual m (a - g) - F in the body frame, with the nominal mass.
 
     In that unit a payload scales the model and not the measurement, noise and all.
     """
-    apparent = motion.velocity_terms[1]
-    nominal_mass = model.number("mass_kg")
-    modelled = (nominal_mass / float(output["mass_kg"][0])) * output.force_N
-    rest = windows.mean @ (nominal_mass * apparent - modelled)
-    return {n: nominal_mass * measured[n] + r for n, r in zip(FORCE, rest.T, strict=True)}
+    apparent = parts.motion.velocity_terms[1]
+    nominal_mass = parts.model.number("mass_kg")
+    modelled = (nominal_mass / float(parts.output["mass_kg"][0])) * parts.output.force_N
+    rest = parts.windows.mean @ (nominal_mass * apparent - modelled)
+    return {n: nominal_mass * parts.measured[n] + r for n, r in zip(FORCE, rest.T, strict=True)}
 
 
-def _moment(
-    flight: Prepared,
-    windows: Windows,
-    model: Model,
-    names: Sequence[str],
-    drive: Drive,
-    motion: Motion,
-    measured: Mapping[str, np.ndarray],
-    output: effect_table.Replay,
-) -> dict[str, np.ndarray]:
+def _moment(parts: _Parts) -> dict[str, np.ndarray]:
     """Return the residual I dOmega + Omega x I Omega - M in the body frame.
 
     It is scaled by nominal over modelled inertia. In that unit a wrong inertia scales the model and
     not the measurement. Otherwise the best fit would shrink both to nothing.
     """
-    inertia = output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
-    nominal = np.array([model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
+    inertia = parts.output.stack("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
+    nominal = np.array([parts.model.number(f"i{a}_kg_m2") for a in ("xx", "yy", "zz")])
     # Omega x I Omega along principal axes: products of rates times differences of inertia
     differences = np.roll(inertia, 1, axis=1) - np.roll(inertia, -1, axis=1)
     # (1) of docs/method.md over the modelled inertia, then times the nominal one
-    modelled = (motion.rate_products * differences - output.moment_Nm) / inertia
+    modelled = (parts.motion.rate_products * differences - parts.output.moment_Nm) / inertia
     rests = [
-        (mark, mean @ modelled) for mark, mean, _ in _test_functions_of(windows, MOMENT[0], names)
+        (mark, mean @ modelled)
+        for mark, mean, _ in _test_functions_of(parts.windows, MOMENT[0], parts.names)
     ]
     return {
-        name + mark: inertia * (measured[name + mark] + column)
+        name + mark: inertia * (parts.measured[name + mark] + column)
         for mark, rest in rests
         for name, inertia, column in zip(MOMENT, nominal, rest.T, strict=True)
     }
 
 
-def _acc(
-    flight: Prepared,
-    windows: Windows,
-    model: Model,
-    names: Sequence[str],
-    drive: Drive,
-    motion: Motion,
-    measured: Mapping[str, np.ndarray],
-    output: effect_table.Replay,
-) -> dict[str, np.ndarray]:
+def _acc(parts: _Parts) -> dict[str, np.ndarray]:
     """Return the residual of the accelerometer, as a force with the nominal mass."""
-    columns = {name: f"{name}_m_s2" for name in ACC if name in names}
+    columns = {name: f"{name}_m_s2" for name in ACC if name in parts.names}
     # as the acceleration of a force: with the nominal mass
-    nominal_mass = model.number("mass_kg")
+    nominal_mass = parts.model.number("mass_kg")
     return {
-        n: windows.mean @ (nominal_mass * (flight.columns[c] - output[c]))
+        n: parts.windows.mean @ (nominal_mass * (parts.flight.columns[c] - parts.output[c]))
         for n, c in columns.items()
     }
 
 
-def _drive(
-    flight: Prepared,
-    windows: Windows,
-    model: Model,
-    names: Sequence[str],
-    drive: Drive,
-    motion: Motion,
-    measured: Mapping[str, np.ndarray],
-    output: effect_table.Replay,
-) -> dict[str, np.ndarray]:
+def _drive(parts: _Parts) -> dict[str, np.ndarray]:
     """Return the residual of the rotor speeds against those that the commands make."""
-    if drive.commanded is None:
+    if parts.drive.commanded is None:
         raise ValueError("the drive was not flown from the commands; ask for its channels too")
-    residual = flight.stack("rotor_speed") - drive.commanded
+    residual = parts.flight.stack("rotor_speed") - parts.drive.commanded
     residuals = [
-        (mark, mean @ residual) for mark, mean, _ in _test_functions_of(windows, "drive_1", names)
+        (mark, mean @ residual)
+        for mark, mean, _ in _test_functions_of(parts.windows, "drive_1", parts.names)
     ]
     return {
         name + mark: column
@@ -468,18 +447,11 @@ def _drive(
     }
 
 
-def _range(
-    flight: Prepared,
-    windows: Windows,
-    model: Model,
-    names: Sequence[str],
-    drive: Drive,
-    motion: Motion,
-    measured: Mapping[str, np.ndarray],
-    output: effect_table.Replay,
-) -> dict[str, np.ndarray]:
+def _range(parts: _Parts) -> dict[str, np.ndarray]:
     """Return the residual of the rangefinder."""
-    return {"range": windows.mean @ (flight.columns["range_m"] - output["range_m"])}
+    return {
+        "range": parts.windows.mean @ (parts.flight.columns["range_m"] - parts.output["range_m"])
+    }
 
 
 _BLOCKS = {"force": _force, "moment": _moment, "acc": _acc, "drive": _drive, "range": _range}
