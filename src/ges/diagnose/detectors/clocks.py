@@ -10,7 +10,7 @@ import numpy as np
 from ges.diagnose.prepare.delays import Delay
 from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Finding, FittedParameter, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter
 from ges.simulator import effects as effect_table
 
 
@@ -29,29 +29,17 @@ def gate_findings(gate: Gate, prior_sds: Mapping[str, float]) -> list[Finding]:
     """
     findings = []
     if gate.pose and abs(gate.pose.delay_s) > _clear_delay_s(gate.pose, prior_sds):
-        value = FittedParameter(
-            gate.pose.delay_s,
-            interval95(gate.pose.delay_s, gate.pose.sd_s),
-            "s",
-            "position, velocity and attitude late against gyro, accelerometer and drive",
-        )
-        findings.append(
-            _certain_finding(
-                "time_offset", {"delay_s": value}, {"value": abs(gate.pose.delay_s), "unit": "s"}
-            )
-        )
+        note = "position, velocity and attitude late against gyro, accelerometer and drive"
+        delay = FittedParameter.of("time_offset.delay_s", gate.pose.delay_s, gate.pose.sd_s, note)
+        size = {"value": abs(gate.pose.delay_s), "unit": "s"}
+        findings.append(_certain_finding("time_offset", {"delay_s": delay}, size))
     if gate.gyro:
         estimates = {
-            f"{a}_rad_s": FittedParameter(float(b), interval95(float(b), float(s)), "rad/s")
+            f"{a}_rad_s": FittedParameter.of(f"gyro_bias.{a}_rad_s", float(b), float(s))
             for a, b, s in zip("xyz", *gate.gyro, strict=True)
         }
-        findings.append(
-            _certain_finding(
-                "gyro_bias",
-                estimates,
-                {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"},
-            )
-        )
+        size = {"value": float(np.linalg.norm(gate.gyro[0])), "unit": "rad/s"}
+        findings.append(_certain_finding("gyro_bias", estimates, size))
     return findings
 
 

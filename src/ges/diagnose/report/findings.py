@@ -27,7 +27,7 @@ from ges.diagnose.prepare.gate import Gate
 from ges.diagnose.report.content import places_of
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.settings import settings
-from ges.diagnose.types.finding import Finding, FittedParameter, interval95
+from ges.diagnose.types.finding import Finding, FittedParameter
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
@@ -106,7 +106,6 @@ def _parameters_of(
 
     Notes give strong correlations and what the vehicle file has.
     """
-    units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates = {}
     for e, p in fitted.free:
         if e == name:
@@ -115,13 +114,9 @@ def _parameters_of(
                 _lever_note(fitted.effects[name], name, nominal),
                 _correlation_note(fitted, (e, p)),
             )
-            value = fitted.effects[e][p]
-            estimates[p] = FittedParameter(
-                value,
-                interval95(value, fitted.sd(e, p)),
-                units[p],
-                "; ".join(n for n in notes if n),
-            )
+            note = "; ".join(n for n in notes if n)
+            value, sd = fitted.effects[e][p], fitted.sd(e, p)
+            estimates[p] = FittedParameter.of(f"{e}.{p}", value, sd, note)
     return estimates
 
 
@@ -224,16 +219,12 @@ def _contradicted_findings(contradicted: Sequence[Contradicted], system: System)
 def _contradicted_finding(
     name: str, contradicted: Sequence[Contradicted], system: System
 ) -> Finding:
-    units = {p.name: p.unit for p in effect_table.get(name).parameters}
+    note = "correction of the vehicle file, {:.1f} times its prior sd"
     parameters = {
-        p: FittedParameter(
-            n.value,
-            interval95(n.value, n.sd),
-            units[p],
-            f"correction of the vehicle file, {n.sds:.1f} times its prior sd",
+        ParameterKey.of(n.key).parameter: FittedParameter.of(
+            n.key, n.value, n.sd, note.format(n.sds)
         )
         for n in contradicted
-        for p in [ParameterKey.of(n.key).parameter]
     }
     # to first order: the number's column times its correction
     terms = {system.nuisances[n.key]: n.value for n in contradicted}
@@ -283,7 +274,6 @@ def _search_estimates(accepted: Accepted, name: str) -> dict[str, FittedParamete
     if name not in accepted.result.inclusion:
         return {}
     posterior = accepted.result.best_with(name, accepted.rivals).posterior
-    units = {p.name: p.unit for p in effect_table.get(name).parameters}
     estimates: dict[str, FittedParameter] = {}
     for k, mean, sd in zip(posterior.columns, posterior.mean, posterior.sd, strict=True):
         column = accepted.regression.system.columns[k]
@@ -291,8 +281,7 @@ def _search_estimates(accepted: Accepted, name: str) -> dict[str, FittedParamete
         # the moment's part has a coefficient of its own, and is no parameter of the effect
         if variant.effect == name and column.part != "moment":
             a = variant.amplitudes[column.amplitude]
-            value = a.neutral + float(mean)
-            estimates[a.parameter] = FittedParameter(
-                value, interval95(value, float(sd)), units[a.parameter]
+            estimates[a.parameter] = FittedParameter.of(
+                f"{name}.{a.parameter}", a.neutral + float(mean), float(sd)
             )
     return estimates

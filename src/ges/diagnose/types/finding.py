@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ges.conventions import SDS_95
+from ges.diagnose.types.keys import ParameterKey
 from ges.simulator import effects as effect_table
 
 
@@ -38,6 +39,20 @@ class FittedParameter:
     ci95: tuple[float, float]
     unit: str
     note: str = ""
+
+    @classmethod
+    def of(cls, key: str, value: float, sd: float, note: str = "") -> FittedParameter:
+        """Make the estimate of a parameter of an effect, in its unit.
+
+        Parameters
+        ----------
+        key : ``effect.parameter``.
+        value, note : as the attributes.
+        sd : of the value.
+        """
+        effect, parameter = ParameterKey.of(key)
+        unit = effect_table.get(effect).parameter(parameter).unit
+        return cls(value, interval95(value, sd), unit, note)
 
     def content(self) -> dict[str, Any]:
         """Give ``value``, ``ci95``, ``unit``, and ``note`` where there is one, as JSON has them."""
