@@ -348,65 +348,6 @@ def column_parts(variant: Variant, others_present: Collection[str]) -> tuple[str
     return ("force",) if effect.name in levers else ("force", "moment")
 
 
-@dataclasses.dataclass(frozen=True)
-class _ColumnEvaluator:
-    """Evaluates the columns of one flight.
-
-    Attributes
-    ----------
-    flight, windows, model : of the flight.
-    names, here : channels of the system, and of the flight.
-    base : evaluation of the model.
-    drives, outputs : with additions, by the text of these, where they are known.
-    """
-
-    flight: Prepared
-    windows: Windows
-    model: Model
-    names: Sequence[str]
-    here: Sequence[str]
-    base: Evaluation
-    drives: Mapping[str, Drive]
-    outputs: Mapping[str, Replay]
-
-    def column(self, column: DesignColumn) -> dict[int, np.ndarray]:
-        """Return minus the residual's change per unit of the coefficient, by channel, (m,)."""
-        # a number of the vehicle is no effect: drive, motion and replay are all made anew
-        if column.nuisance is not None and column.nuisance.effect == "vehicle":
-            n = column.nuisance
-            other = self.model.with_number(n.parameter, self.model.number(n.parameter) + n.step)
-            return self._change(
-                self.base, evaluate(self.flight, self.windows, other, self.here), n.step
-            )
-        shifted, step = _stepped_effects(self.model, column)
-        return self._change(self._with(_reference(self.model, column)), self._with(shifted), step)
-
-    def _with(self, effects: effect_table.Effects) -> Evaluation:
-        """Return the evaluation with effects added."""
-        if not effects:
-            return self.base
-        key = repr(effects)
-        return evaluate(
-            self.flight,
-            self.windows,
-            self.model,
-            self.here,
-            effects,
-            self.base,
-            self.drives.get(key),
-            self.outputs.get(key),
-        )
-
-    def _change(self, before: Evaluation, after: Evaluation, step: float) -> dict[int, np.ndarray]:
-        pairs = (
-            (self.names.index(name), before.residuals[name], after.residuals[name])
-            for name in self.here
-        )
-        # what was taken over from the evaluation before is the same object: nothing changed there
-        changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
-        return {c: change for c, change in changes.items() if change.any()}
-
-
 def evaluate_columns(
     flight: Prepared,
     windows: Windows,
@@ -432,14 +373,35 @@ def evaluate_columns(
     -------
     Each column by the indices of the channels that it acts on, (m,).
     """
+
+    def with_added(effects: effect_table.Effects, outputs: Mapping[str, Replay]) -> Evaluation:
+        if not effects:
+            return base
+        key = repr(effects)
+        known = drives.get(key), outputs.get(key)
+        return evaluate(flight, windows, model, here, effects, base, *known)
+
+    def changes_by(column: DesignColumn, outputs: Mapping[str, Replay]) -> dict[int, np.ndarray]:
+        # a number of the vehicle is no effect: drive, motion and replay are all made anew
+        if (n := column.nuisance) is not None and n.effect == "vehicle":
+            other = model.with_number(n.parameter, model.number(n.parameter) + n.step)
+            before, after, step = base, evaluate(flight, windows, other, here), n.step
+        else:
+            shifted, step = _stepped_effects(model, column)
+            before = with_added(_reference(model, column), outputs)
+            after = with_added(shifted, outputs)
+        pairs = ((names.index(c), before.residuals[c], after.residuals[c]) for c in here)
+        # what was taken over from the evaluation before is the same object: nothing changed there
+        changes = {c: (a - b) / step for c, a, b in pairs if a is not b}
+        return {c: change for c, change in changes.items() if change.any()}
+
     # what remembers its path goes as many at a time as the simulator has lanes, for a replay of a
     # long flight is large
-    evaluator = _ColumnEvaluator(flight, windows, model, names, here, base, drives, {})
     changes: list[dict[int, np.ndarray]] = []
     for first in range(0, len(columns), MOST_LANES):
         batch = columns[first : first + MOST_LANES]
-        outputs = _replay_additions(flight, model, base, _additions(model, batch))
-        changes += [dataclasses.replace(evaluator, outputs=outputs).column(c) for c in batch]
+        outputs = _replay_additions(flight, model, base, batch)
+        changes += [changes_by(column, outputs) for column in batch]
     return changes
 
 
@@ -487,12 +449,10 @@ def fly_drives_of_columns(
 
 
 def _replay_additions(
-    flight: Prepared, model: Model, base: Evaluation, added: Mapping[str, dict]
+    flight: Prepared, model: Model, base: Evaluation, columns: Iterable[DesignColumn]
 ) -> dict[str, Replay]:
     """Return model output under additions with memory of the path, replayed as one batch."""
-    sets = {name: e for name, e in added.items() if depend_on_path_alone(e, model.effects)}
-    return (
-        dict(zip(sets, replay_with_each(flight, model, base, list(sets.values())), strict=True))
-        if sets
-        else {}
-    )
+    additions = _additions(model, columns).items()
+    sets = {text: e for text, e in additions if depend_on_path_alone(e, model.effects)}
+    outputs = replay_with_each(flight, model, base, list(sets.values())) if sets else []
+    return dict(zip(sets, outputs, strict=True))
