@@ -51,8 +51,8 @@ def test_a_cushion_that_fades_fast_is_found_with_its_fading(diagnosed, fading):
 
 @pytest.mark.slow
 def test_without_cushions_that_are_modified_nothing_is(diagnosed, fading, monkeypatch):
-    def plain(effect, search, model, reached):
-        return () if search.modified else grids._grid(effect, search, model, reached)
+    def plain(search):
+        return () if search.hints.modified else grids._grid(search)
 
     monkeypatch.setitem(grids.RULES, "", plain)
     assert not diagnosed(fading).findings

@@ -26,8 +26,21 @@ from ges.diagnose.types.model import Model
 from ges.simulator import effects as effect_table
 from ges.simulator.effects import Effect, Parameter, SearchHints
 
-Rule = Callable[[Effect, SearchHints, Model, FlightEnvelope], tuple[Variant, ...]]
 NOWHERE = FlightEnvelope()
+
+
+@dataclasses.dataclass(frozen=True)
+class _Search:
+    """One search of an effect, which a rule lays out for a vehicle and its flights."""
+
+    effect: Effect
+    hints: SearchHints
+    model: Model
+    envelope: FlightEnvelope
+
+    def variant(self, **shape: float) -> Variant:
+        """Return the variant of all amplitudes with this shape."""
+        return _variant(self.effect, self.hints.amplitudes, **self.hints.fixed, **shape)
 
 
 def library(model: Model, envelope: FlightEnvelope = NOWHERE) -> dict[str, Candidate]:
@@ -85,7 +98,9 @@ def _variants(effect: Effect, model: Model, envelope: FlightEnvelope) -> tuple[V
         here = effect.of_rotors(model.n_rotors)
         names = (p.name for p in here if not math.isnan(p.neutral))
         return (_variant(effect, tuple(names)),)
-    listed = [v for s in effect.searches for v in RULES[s.rule](effect, s, model, envelope)]
+    listed = [
+        v for s in effect.searches for v in RULES[s.rule](_Search(effect, s, model, envelope))
+    ]
     usual = _usual_prerequisite(effect, model)
     return tuple(
         dataclasses.replace(v, given=usual or v.given, moment_gain=gain)
@@ -145,75 +160,65 @@ def _variant(effect: Effect, amplitudes: tuple[str, ...], **shape: float) -> Var
     return Variant(effect.name, shape, tuple(amplitude_of(effect.name, n) for n in amplitudes))
 
 
-def _grid(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _grid(search: _Search) -> tuple[Variant, ...]:
     """Return one variant for each level of the axis and of the number across it.
 
     Effects that modify this one are given with the variant, one at a time, where the hints ask for
     them.
     """
-    axes = {search.axis[0]: search.levels} if search.axis else {}
-    if search.across:
-        sd = model.plane_sd_m
+    axes = {search.hints.axis[0]: search.hints.levels} if search.hints.axis else {}
+    if search.hints.across:
+        sd = search.model.plane_sd_m
         # a nominal parameter that shapes the effect is tried across its prior sd, or taken as
         # certain
         most = round(SDS_95)
-        axes[search.across] = tuple(k * sd for k in range(-most, most + 1)) if sd > 0.0 else (0.0,)
-    plain = tuple(
-        _variant(
-            effect,
-            search.amplitudes,
-            **search.fixed,
-            **dict(zip(axes, values, strict=True)),
+        axes[search.hints.across] = (
+            tuple(k * sd for k in range(-most, most + 1)) if sd > 0.0 else (0.0,)
         )
+    plain = tuple(
+        search.variant(**dict(zip(axes, values, strict=True)))
         for values in itertools.product(*axes.values())
     )
-    if not search.modified:
+    if not search.hints.modified:
         return plain
     ways = [
         {other.name: {other.amplitudes[0]: level}}
-        for other in _modifiers(effect, are_levers=False)
-        if other.name not in model.effects
+        for other in _modifiers(search.effect, are_levers=False)
+        if other.name not in search.model.effects
         for level in other.carried
     ]
     return tuple(dataclasses.replace(v, given=way) for v in plain for way in ways)
 
 
-def _each(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _each(search: _Search) -> tuple[Variant, ...]:
     """Return one variant for each amplitude."""
-    return tuple(_variant(effect, (name,)) for name in search.amplitudes)
+    return tuple(_variant(search.effect, (name,)) for name in search.hints.amplitudes)
 
 
-def _places(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _places(search: _Search) -> tuple[Variant, ...]:
     """Return one amplitude for each place, and each pair of places.
 
     Losses are bounded at zero: no blade heals.
     """
-    here = [n for n in search.amplitudes if effect.parameter(n).rotor <= model.n_rotors]
+    most, rotor_of = search.model.n_rotors, {p.name: p.rotor for p in search.effect.parameters}
+    here = [n for n in search.hints.amplitudes if rotor_of[n] <= most]
     sets = (c for n in (1, 2) for c in itertools.combinations(here, n))
-    return tuple(_with_amplitudes(_variant(effect, names), low=0.0) for names in sets)
+    return tuple(_with_amplitudes(_variant(search.effect, names), low=0.0) for names in sets)
 
 
-def _axes(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _axes(search: _Search) -> tuple[Variant, ...]:
     """Return every subset of the axes: an error of one axis does not pay for the others.
 
     With levels there is one column for each side of neutral, bounded there.
     """
     sets = [
-        _variant(effect, names)
-        for n in range(1, len(search.amplitudes) + 1)
-        for names in itertools.combinations(search.amplitudes, n)
+        _variant(search.effect, names)
+        for n in range(1, len(search.hints.amplitudes) + 1)
+        for names in itertools.combinations(search.hints.amplitudes, n)
     ]
-    if not search.levels:
+    if not search.hints.levels:
         return tuple(sets)
-    sides = [{"step": s, ("low" if s > 0.0 else "high"): 0.0} for s in search.levels]
+    sides = [{"step": s, ("low" if s > 0.0 else "high"): 0.0} for s in search.hints.levels]
     return tuple(_with_amplitudes(v, **side) for side in sides for v in sets)
 
 
@@ -232,50 +237,45 @@ def _at_level(variant: Variant, *steps: float, **changes: Any) -> Variant:
     )
 
 
-def _at_levels(
-    effect: Effect, search: SearchHints, levels: tuple[float, ...]
-) -> tuple[Variant, ...]:
-    plain = _variant(effect, search.amplitudes)
+def _at_levels(search: _Search, levels: tuple[float, ...]) -> tuple[Variant, ...]:
+    plain = search.variant()
     return tuple(_at_level(plain, level - plain.amplitudes[0].neutral) for level in levels)
 
 
-def _levels(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _levels(search: _Search) -> tuple[Variant, ...]:
     """Return variants for effects that are not linear.
 
     Each column is the whole step from neutral to a level.
     """
-    return _at_levels(effect, search, search.levels)
+    return _at_levels(search, search.hints.levels)
 
 
-def _commanded(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _commanded(search: _Search) -> tuple[Variant, ...]:
     """Return levels near the largest commands in the air, and towards those of a take-off.
 
     A ceiling is no level where rotors were logged to turn faster.
     """
-    (p,) = map(effect.parameter, search.amplitudes)
-    top, most = envelope.largest_commands
-    between = [top + (most - top) * share for share in search.levels] if most > top else []
+    (p,) = map(search.effect.parameter, search.hints.amplitudes)
+    top, most = search.envelope.largest_commands
+    between = [top + (most - top) * share for share in search.hints.levels] if most > top else []
     # levels that are all but equal would be copies of one column
-    levels = sorted({round(q, 3) for q in (*envelope.commands, *between) if p.low < q < p.high})
-    turned = envelope.fastest_rad_s / model.number("max_rotor_speed_rad_s")
-    return _at_levels(effect, search, tuple(q for q in levels if q >= turned))
+    levels = sorted(
+        {round(q, 3) for q in (*search.envelope.commands, *between) if p.low < q < p.high}
+    )
+    turned = search.envelope.fastest_rad_s / search.model.number("max_rotor_speed_rad_s")
+    return _at_levels(search, tuple(q for q in levels if q >= turned))
 
 
-def _slower(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _slower(search: _Search) -> tuple[Variant, ...]:
     """Return variants slower motors than nominal, slowing down no sooner than speeding up.
 
     Faster ones are within the prior sd, or another effect.
     """
-    plain, nominal_s = _variant(effect, search.amplitudes), model.number("motor_time_constant_s")
+    plain, nominal_s = search.variant(), search.model.number("motor_time_constant_s")
     # below the finest step of a grid a lag does not show in any log
     levels = [
-        max(share * nominal_s, settings.prepare.grid_step_shortest_s) for share in search.levels
+        max(share * nominal_s, settings.prepare.grid_step_shortest_s)
+        for share in search.hints.levels
     ]
     return tuple(
         _at_level(plain, up, down, low=0.0)
@@ -285,121 +285,94 @@ def _slower(
     )
 
 
-def _above(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _above(search: _Search) -> tuple[Variant, ...]:
     """Return a little above the greatest height of the rotors, in radii."""
-    if envelope.high_m is None:
+    if search.envelope.high_m is None:
         return ()
-    top = envelope.high_m[2] + float(model.of_rotors("z_m").max())
-    heights = (top + k * model.radius_m for k in search.levels)
-    return tuple(_variant(effect, search.amplitudes, **{search.axis[0]: z}) for z in heights)
+    top = search.envelope.high_m[2] + float(search.model.of_rotors("z_m").max())
+    heights = (top + k * search.model.radius_m for k in search.hints.levels)
+    return tuple(search.variant(**{search.hints.axis[0]: z}) for z in heights)
 
 
-def _outside_box(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _outside_box(search: _Search) -> tuple[Variant, ...]:
     """Return a radius beyond each side of the box that was flown."""
-    if envelope.low_m is None or envelope.high_m is None:
+    if search.envelope.low_m is None or search.envelope.high_m is None:
         return ()
-    distance, bearing = search.axis
+    distance, bearing = search.hints.axis
     # bearings east, north, west and south, with the edge of the box along each
     sides = (
-        (0.0, envelope.high_m[0]),
-        (0.5 * math.pi, envelope.high_m[1]),
-        (math.pi, -envelope.low_m[0]),
-        (-0.5 * math.pi, -envelope.low_m[1]),
+        (0.0, search.envelope.high_m[0]),
+        (0.5 * math.pi, search.envelope.high_m[1]),
+        (math.pi, -search.envelope.low_m[0]),
+        (-0.5 * math.pi, -search.envelope.low_m[1]),
     )
     return tuple(
-        _variant(effect, search.amplitudes, **{bearing: b, distance: d + model.radius_m})
-        for b, d in sides
+        search.variant(**{bearing: b, distance: d + search.model.radius_m}) for b, d in sides
     )
 
 
-def _over_places(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _over_places(search: _Search) -> tuple[Variant, ...]:
     """Return variants above each place that was visited, as wide as the places are apart.
 
     The height is so many radii above the highest position.
     """
-    if envelope.high_m is None:
+    if search.envelope.high_m is None:
         return ()
-    x_name, y_name, z_name, width = search.axis
+    x_name, y_name, z_name, width = search.hints.axis
     # over the highest that was flown anywhere: a rotor never passes through what is there
-    (radii,) = search.levels
-    above = envelope.high_m[2] + radii * model.radius_m
-    wide = max(0.5 * envelope.square_m, model.radius_m)
+    (radii,) = search.hints.levels
+    above = search.envelope.high_m[2] + radii * search.model.radius_m
+    wide = max(0.5 * search.envelope.square_m, search.model.radius_m)
     return tuple(
-        _variant(
-            effect,
-            search.amplitudes,
-            **search.fixed,
-            **{width: wide, x_name: x, y_name: y, z_name: above},
-        )
-        for x, y in envelope.places_m
+        search.variant(**{width: wide, x_name: x, y_name: y, z_name: above})
+        for x, y in search.envelope.places_m
     )
 
 
-def _hanging(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _hanging(search: _Search) -> tuple[Variant, ...]:
     """Return variants hanging freely below the middle, where a logged attitude shows a swing."""
-    return () if envelope.attitude_derived else _grid(effect, search, model, envelope)
+    return () if search.envelope.attitude_derived else _grid(search)
 
 
-def _lying(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _lying(search: _Search) -> tuple[Variant, ...]:
     """Return variants on threads longer than the lowest height: the load lies there."""
-    lowest_m = envelope.low_m[2] if envelope.low_m else 0.0
-    levels = tuple(length for length in search.levels if length > lowest_m)
-    return _hanging(effect, dataclasses.replace(search, levels=levels), model, envelope)
+    lowest_m = search.envelope.low_m[2] if search.envelope.low_m else 0.0
+    levels = tuple(length for length in search.hints.levels if length > lowest_m)
+    return _hanging(
+        dataclasses.replace(search, hints=dataclasses.replace(search.hints, levels=levels))
+    )
 
 
 def _hubs(model: Model) -> list[tuple[float, float]]:
     return list(zip(model.of_rotors("x_m"), model.of_rotors("y_m"), strict=True))
 
 
-def _at_places(
-    effect: Effect, search: SearchHints, places: Iterable[tuple[float, float]]
-) -> tuple[Variant, ...]:
+def _at_places(search: _Search, places: Iterable[tuple[float, float]]) -> tuple[Variant, ...]:
     """Return variants at each of these places (x, y)."""
-    x_name, y_name = search.axis
-    return tuple(
-        _variant(effect, search.amplitudes, **search.fixed, **{x_name: x, y_name: y})
-        for x, y in places
-    )
+    x_name, y_name = search.hints.axis
+    return tuple(search.variant(**{x_name: x, y_name: y}) for x, y in places)
 
 
-def _at_hubs(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _at_hubs(search: _Search) -> tuple[Variant, ...]:
     """Return variants hanging freely below each rotor."""
-    return () if envelope.attitude_derived else _at_places(effect, search, _hubs(model))
+    return () if search.envelope.attitude_derived else _at_places(search, _hubs(search.model))
 
 
-def _on_body(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _on_body(search: _Search) -> tuple[Variant, ...]:
     """Return variants in the middle, at each hub, and halfway between.
 
     A fit moves them from there.
     """
-    hubs = [(k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(model)]
-    return _at_places(effect, search, dict.fromkeys([(0.0, 0.0), *hubs]))
+    hubs = [(k * x, k * y) for k in (0.5, 1.0) for x, y in _hubs(search.model)]
+    return _at_places(search, dict.fromkeys([(0.0, 0.0), *hubs]))
 
 
-def _coaxial(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _coaxial(search: _Search) -> tuple[Variant, ...]:
     """Return variants where a rotor lies over another."""
-    return _grid(effect, search, model, envelope) if model.coaxial else ()
+    return _grid(search) if search.model.coaxial else ()
 
 
-def _drawn(
-    effect: Effect, search: SearchHints, model: Model, envelope: FlightEnvelope
-) -> tuple[Variant, ...]:
+def _drawn(search: _Search) -> tuple[Variant, ...]:
     """Return variants drawn over the ground on threads longer than the height of flight.
 
     They hang below the middle and each rotor.
@@ -407,28 +380,28 @@ def _drawn(
     Levels are how far behind the load follows, over that height. Threads that stay slack throughout
     are left out.
     """
-    if envelope.low_m is None or envelope.high_m is None:
+    if search.envelope.low_m is None or search.envelope.high_m is None:
         return ()
-    length_name, x_name, y_name = search.axis
-    height = usual_height_m(model, envelope)
-    way = max(high - low for high, low in zip(envelope.high_m[:2], envelope.low_m[:2], strict=True))
+    length_name, x_name, y_name = search.hints.axis
+    height = usual_height_m(search.model, search.envelope)
+    way = max(
+        high - low
+        for high, low in zip(search.envelope.high_m[:2], search.envelope.low_m[:2], strict=True)
+    )
     # a taut thread with its load k heights behind
     lengths = [
-        height * math.hypot(1.0, k) for k in search.levels if height > 0.0 and k * height < way
+        height * math.hypot(1.0, k)
+        for k in search.hints.levels
+        if height > 0.0 and k * height < way
     ]
     return tuple(
-        _variant(
-            effect,
-            search.amplitudes,
-            **{length_name: length, x_name: x, y_name: y},
-            **search.fixed,
-        )
-        for x, y in ((0.0, 0.0), *_hubs(model))
+        search.variant(**{length_name: length, x_name: x, y_name: y})
+        for x, y in ((0.0, 0.0), *_hubs(search.model))
         for length in lengths
     )
 
 
-RULES: Mapping[str, Rule] = {
+RULES: Mapping[str, Callable[[_Search], tuple[Variant, ...]]] = {
     "": _grid,
     "each": _each,
     "places": _places,
