@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ges.commands import PATH
-from ges.files import require_file
+from ges.files import require_file, write_text
 
 
 @click.command()
@@ -32,5 +32,5 @@ def command(first: Path, second: Path, html: Path | None) -> None:
     comparison = compare.compare(load_diagnosis(first), load_diagnosis(second), names)
     console().print(compare.as_text(comparison))
     if html:
-        compare.write_html(comparison, html)
+        write_text(html, compare.as_html(comparison))
         click.echo(html, err=True)

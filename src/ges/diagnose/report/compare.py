@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from rich.console import Group, RenderableType
+from rich.console import RenderableType, group
 from rich.text import Text
 
 from ges.diagnose.report.page import VERDICTS, environment
@@ -21,7 +20,6 @@ from ges.diagnose.types.words import (
     probability_words,
     unit_words,
 )
-from ges.files import write_text
 
 
 def compare(
@@ -213,17 +211,15 @@ def _errors(
         }
 
 
-def as_text(comparison: Mapping[str, Any]) -> RenderableType:
-    """Return a comparison for a terminal.
+@group()
+def as_text(comparison: Mapping[str, Any]) -> Iterator[RenderableType]:
+    """Lay a comparison out for a terminal.
 
     Parameters
     ----------
     comparison : of :func:`compare`.
     """
-    return Group(*_text(comparison))
-
-
-def _text(c: Mapping[str, Any]) -> Iterator[RenderableType]:
+    c = comparison
     for head in c["heads"]:
         yield Text.assemble((head["name"], "bold"), f": {head['verdict']}\n{head['sentence']}\n")
     yield from (Text(remark) for remark in c["remarks"])
@@ -264,14 +260,3 @@ def as_html(comparison: Mapping[str, Any]) -> str:
     comparison : of :func:`compare`.
     """
     return environment().get_template("compare.html.j2").render(comparison)
-
-
-def write_html(comparison: Mapping[str, Any], path: str | Path) -> None:
-    """Write the page of a comparison, whole or not at all.
-
-    Parameters
-    ----------
-    comparison : of :func:`compare`.
-    path : of the file.
-    """
-    write_text(path, as_html(comparison))

@@ -33,7 +33,7 @@ from ges.diagnose.report.findings import all_findings, detected_effects
 from ges.diagnose.report.laws import laws_content, with_rival_laws
 from ges.diagnose.report.origin import origin_of
 from ges.diagnose.report.per_speed import with_force_per_speed
-from ges.diagnose.report.sentence import with_sentence
+from ges.diagnose.report.sentence import sentence_of
 from ges.diagnose.report.vehicle import fitted_vehicle
 from ges.diagnose.report.verdict import remark_of, verdict_of
 from ges.diagnose.types.decision import DecisionLog
@@ -138,4 +138,4 @@ def compose_diagnosis(
         ),
     )
     # last, as it reads all that is reported
-    return with_sentence(diagnosis)
+    return dataclasses.replace(diagnosis, sentence=sentence_of(diagnosis.content()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rich.console import Group, RenderableType
+from rich.console import RenderableType, group
 from rich.text import Text
 
 from ges.diagnose.report.blocks import considered_rows
@@ -22,18 +22,9 @@ from ges.simulator import effects as effect_table
 NUMBERS = ("probability", "statistic", "asked")
 
 
-def overview(content: Mapping[str, Any]) -> RenderableType:
-    """Return what was named, considered and not named, and not tested.
-
-    Parameters
-    ----------
-    content : diagnosis.json.
-    """
-    return Group(*_overview(content))
-
-
-def decisions_about(content: Mapping[str, Any], name: str) -> RenderableType:
-    """Return every decision about one effect.
+@group()
+def decisions_about(content: Mapping[str, Any], name: str) -> list[RenderableType]:
+    """Show every decision about one effect.
 
     Parameters
     ----------
@@ -62,10 +53,17 @@ def decisions_about(content: Mapping[str, Any], name: str) -> RenderableType:
             f"this diagnosis keeps no record of {name}; it may be older than this version: diagnose"
             " the flights again"
         )
-    return Group(*parts)
+    return parts
 
 
-def _overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
+@group()
+def overview(content: Mapping[str, Any]) -> Iterator[RenderableType]:
+    """Show what was named, considered and not named, and not tested.
+
+    Parameters
+    ----------
+    content : diagnosis.json.
+    """
     yield Text(content["sentence"])
     if content["findings"]:
         yield Text("\nnamed", style="bold")

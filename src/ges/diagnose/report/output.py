@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from ges.diagnose.report.drawing import Drawing
 from ges.diagnose.report.figures import figures_of, traces_of
-from ges.diagnose.report.page import CAPTIONS, write_report
+from ges.diagnose.report.page import CAPTIONS, render
 from ges.diagnose.report.residuals import write_residuals
-from ges.files import replacing_together, write_json
+from ges.files import replacing_together, write_json, write_text
 from ges.vehicle.file import save_vehicle
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def write_diagnosis(
                 (new / f"{name}.{ending}").write_bytes(data)
         if page:
             inside = {name: picture["png"] for name, picture in drawn.items()}
-            write_report(content, inside, traces, new / REPORT)
+            write_text(new / REPORT, render(content, inside, traces))
         write_json(new / DIAGNOSIS, content)
         _remove_others(out, new)
 

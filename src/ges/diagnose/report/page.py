@@ -7,7 +7,6 @@ import functools
 import hashlib
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -17,7 +16,6 @@ from ges.diagnose.prove.traces import Trace
 from ges.diagnose.report import blocks, equations
 from ges.diagnose.report.charts import chart_data
 from ges.diagnose.types import words
-from ges.files import write_text
 
 CAPTIONS: Mapping[str, str] = {
     "where": (
@@ -166,19 +164,3 @@ def render(
         "charts": chart_data(traces) if traces else None,
     }
     return environment().get_template("report.html.j2").render(page)
-
-
-def write_report(
-    content: Mapping[str, Any],
-    pictures: Mapping[str, bytes],
-    traces: Sequence[Trace],
-    path: str | Path,
-) -> None:
-    """Write the report, whole or not at all.
-
-    Parameters
-    ----------
-    content, pictures, traces : as for :func:`render`.
-    path : of the file.
-    """
-    write_text(path, render(content, pictures, traces))

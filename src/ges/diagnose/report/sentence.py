@@ -6,13 +6,11 @@ file is in it.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ges.conventions import SDS_95
 from ges.diagnose.report.blocks import error_rows, least_relevant_error, sds_moved
-from ges.diagnose.report.diagnosis import Diagnosis
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import block_of
@@ -58,16 +56,6 @@ def sentence_of(content: Mapping[str, Any]) -> str:
     }.get(content["verdict"], _findings_forms)
     # every generator ends with a form that is short enough
     return next(form for form in forms(content) if len(form.split()) <= MOST_WORDS)
-
-
-def with_sentence(diagnosis: Diagnosis) -> Diagnosis:
-    """Return the diagnosis with its sentence.
-
-    Parameters
-    ----------
-    diagnosis : complete but for it.
-    """
-    return dataclasses.replace(diagnosis, sentence=sentence_of(diagnosis.content()))
 
 
 def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
