@@ -306,7 +306,9 @@ def _free_amplitude(name: tuple[str, str], values: effect_table.Effects, model: 
     """Return a free parameter about its present value, with the step of its column."""
     a, reach = amplitude_of(*name), reach_of(name, values, model)
     step = settings.library.step_share * reach if reach else a.step
-    return _with_inner_step(dataclasses.replace(a, step=step), values[name[0]][name[1]])
+    value = values[name[0]][name[1]]
+    # the step stays within the parameter's bounds
+    return dataclasses.replace(a, step=step if value + step <= a.high else -step, neutral=value)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -440,13 +442,18 @@ class _Rounds:
             # what a column is without, its residual is without
             without = {e: v for e, v in values.items() if e not in self.dynamic}
             design = with_trims_of(system, self.base.model.with_effects(without), self.base)
+        chosen = free_columns(design)
         noise = self.fixed_noise or (reuse.noise if reuse else None)
         regression = whiten_system(
             design,
-            noise or estimate_noise(design, free_columns(design)),
+            noise or estimate_noise(design, chosen),
             reuse.whites if reuse else (),
         )
-        return _linearise(values, self.free, regression, self.base.model), system
+        priors = [_deviation_prior(name, values, self.base.model) for name in self.free]
+        # moments have coefficients of their own, of which nothing is known before
+        priors += [(0.0, math.inf)] * (len(chosen) - len(priors))
+        joint = joint_fit(regression, chosen, *np.array(priors).T)
+        return _Point(values, self.free, regression, chosen, joint), system
 
 
 def _values_with(
@@ -591,29 +598,6 @@ def _likeliest(ends: Sequence[tuple[_Point, System]]) -> tuple[_Point, System]:
     return min(ends, key=lambda end: end[0].cost + end[0].cost_of_noise)
 
 
-def _linearise(
-    values: effect_table.Effects,
-    free: tuple[tuple[str, str], ...],
-    regression: Regression,
-    model: Model,
-) -> _Point:
-    """Return the free parameters at their values, fitted together with all nuisances."""
-    chosen = free_columns(regression.system)
-    mean, sd = np.array(
-        [_deviation_prior(name, values, model) for name in free]
-        + [(0.0, math.inf)] * (len(chosen) - len(free))
-    ).T
-    return _Point(
-        values,
-        free,
-        regression,
-        chosen,
-        joint_fit(
-            regression, chosen, mean, np.where(np.isinf(sd), wide_sds(regression, chosen), sd)
-        ),
-    )
-
-
 def _refit_trims(
     regression: Regression, chosen: Sequence[int], joint: JointFit, count: int
 ) -> JointFit:
@@ -647,23 +631,6 @@ def _is_trim(key: str) -> bool:
     return effect != "vehicle" and bool(effect_table.get(effect).parameter(parameter).trim)
 
 
-def wide_sds(regression: Regression, chosen: Sequence[int]) -> np.ndarray:
-    """Return prior sds so wide that the flights alone determine the coefficients.
-
-    Parameters
-    ----------
-    regression : with the prior of every column.
-    chosen : k columns.
-
-    Returns
-    -------
-    (k,), in the units of the coefficients.
-    """
-    return settings.numerics.wide_factor * np.maximum(
-        regression.prior.sd[chosen], settings.numerics.small
-    )
-
-
 def free_columns(system: System) -> list[int]:
     """Return the columns of the free parameters in order, then those of their small moments.
 
@@ -686,12 +653,6 @@ def _share_in_reach(
     return float(
         min(1.0, np.min(reaches / np.maximum(np.abs(steps), settings.numerics.tiny), initial=1.0))
     )
-
-
-def _with_inner_step(a: Amplitude, value: float) -> Amplitude:
-    """Return the amplitude at a value, with a step that stays within its bounds."""
-    step = a.step if value + a.step <= a.high else -a.step
-    return dataclasses.replace(a, step=step, neutral=value)
 
 
 def fitted_model(model: Model, fitted: Fitted) -> Model:

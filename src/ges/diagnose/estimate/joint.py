@@ -140,8 +140,8 @@ def joint_fit(
     ----------
     regression : whitened rows and priors.
     chosen : columns of the system. The nuisance of a number that one of them frees is left out.
-    prior_mean, prior_sd : (k,) prior of the chosen coefficients; the regression's, wide, where not
-        given.
+    prior_mean, prior_sd : (k,) prior of the chosen coefficients. An sd that is infinite or not
+        given is the regression's, so wide that the flights alone determine the coefficient.
     nuisance_priors : prior mean and sd of common nuisances by key, as corrections of the vehicle
         file. Those of the file where not given.
 
@@ -163,8 +163,10 @@ def joint_fit(
     total = sizes[0] + sizes[1] + sizes[2] * len(regression.whites)
     mean, precision = np.zeros(total), np.zeros(total)
     mean[: sizes[0]] = 0.0 if prior_mean is None else prior_mean
-    wide_sd = settings.numerics.wide_factor * regression.prior.sd[chosen]
-    precision[: sizes[0]] = 1.0 / (wide_sd if prior_sd is None else prior_sd) ** 2
+    usual_sd = np.maximum(regression.prior.sd[chosen], settings.numerics.small)
+    wide_sd = settings.numerics.wide_factor * usual_sd
+    chosen_sd = wide_sd if prior_sd is None else np.where(np.isinf(prior_sd), wide_sd, prior_sd)
+    precision[: sizes[0]] = 1.0 / chosen_sd**2
     # corrections count from the vehicle file, coefficients from where its numbers were moved to
     corrections, names = regression.system.model.corrections, [nuisances[k].key for k in common]
     start_at = np.array([corrections.get(name, 0.0) for name in names])
