@@ -239,7 +239,8 @@ def _balance_share(vehicle, flights):
     made = make_set(vehicle, flights)
     model = from_vehicle(made.vehicle)
     prepared = pass_gate([f.frame for f in made.flights], model, [f.name for f in made.flights])
-    system = build(prepared.flights, with_flown_voltage(model, prepared.flights), [])
+    flights = list(prepared.flights.values())
+    system = build(flights, with_flown_voltage(model, flights), [])
     at = [system.names.index(f"moment_{a}") for a in "xyz"]
     means = np.mean([r.in_air(at).mean(axis=0) for r in system.flights], axis=0)
     return np.abs(means) / model.reference_scale("moment_x")
@@ -267,7 +268,8 @@ def test_a_calibrated_drive_turns_commands_of_later_flights_into_speeds(recordin
     made = calibrate(make_set(load_vehicle("crazyflie-2.1"), first)).vehicle
     model = from_vehicle(made, ROOT)
     prepared = pass_gate([frame for _, frame in later], model, [name for name, _ in later])
-    system = build(prepared.flights, with_flown_voltage(model, prepared.flights), [])
+    flights = list(prepared.flights.values())
+    system = build(flights, with_flown_voltage(model, flights), [])
     drives = [system.main.index(f"drive_{i}") for i in range(1, 5)]
     for rows in system.flights:
         speed = rows.flight.stack("rotor_speed").mean()

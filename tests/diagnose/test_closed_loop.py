@@ -32,7 +32,7 @@ def test_lean_is_the_tilt_of_the_thrust_axis():
 
 def test_the_true_model_leans_as_the_vehicle_did(runs):
     frame, bare, models = runs
-    told = closed_loop(pass_gate([frame], bare).flights, models, LENGTH_S)
+    told = closed_loop([pass_gate([frame], bare).flights[0]], models, LENGTH_S)
     assert told["flights"] == 1 and {*LEAN, "rotor_speed_rad_s", "p_x_m"} <= set(told["channels"])
     forward = told["channels"][LEAN[0]]
     assert (
@@ -45,7 +45,7 @@ def test_the_true_model_leans_as_the_vehicle_did(runs):
 def test_without_references_there_is_no_loop_to_close(runs):
     frame, bare, models = runs
     silent = frame.drop(columns=[c for c in frame if "_ref_" in c])
-    assert closed_loop(pass_gate([silent], bare).flights, models, LENGTH_S) == {}
+    assert closed_loop([pass_gate([silent], bare).flights[0]], models, LENGTH_S) == {}
 
 
 def _errors(after_outside):

@@ -33,8 +33,8 @@ def _frames(flown, vehicle, concealed, unlogged=()):
 
 def _null_fit(frames, vehicle):
     model = from_vehicle(vehicle)
-    flights = pass_gate(frames, model, [f"f{i}" for i in range(len(frames))]).flights
-    return null_fit(build(flights, model, ()))
+    gate = pass_gate(frames, model, [f"f{i}" for i in range(len(frames))])
+    return null_fit(build(list(gate.flights.values()), model, ()))
 
 
 def test_a_file_that_is_about_right_needs_one_linear_step(flown, sheet):
@@ -85,7 +85,7 @@ def test_what_lies_beyond_the_bounds_of_its_parameters_is_not_tried(flown, sheet
     """Flights of a kilometre: places are too far apart for the wake of another vehicle."""
     model = from_vehicle(sheet())
     frame = flown(sheet(), {}, manoeuvres.make("straight_runs", 20.0), 1)
-    (flight,) = pass_gate([frame], model, ["f"]).flights
+    flight = pass_gate([frame], model, ["f"]).flights[0]
     assert "downwash" in library(model, flight_envelope([flight], model.radius_m))
     for name in ("p_x_m", "p_y_m"):
         flight.columns[name] = 300.0 * np.asarray(flight.columns[name])

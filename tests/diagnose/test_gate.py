@@ -6,7 +6,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from ges.diagnose.prepare.align import CommandHold, Prepared, default_command_hold
+from ges.diagnose.prepare.align import CommandHold, Prepared
 from ges.diagnose.prepare.delays import _combined_delay, estimate_command_hold
 from ges.diagnose.prepare.gate import clipped_samples, pass_gate, prepare
 from ges.diagnose.prepare.steady import with_steady_voltage
@@ -154,8 +154,12 @@ def test_rotors_that_never_turn_are_no_flight(whole, model):
     told = "bench never leaves the ground: its rotor speeds are zero throughout"
     with pytest.raises(GesError, match=rf"{told} .*esc_status or actuator_motors"):
         pass_gate([still, still], model, ["bench", "bench 2"])
-    gate = pass_gate([whole, still], model, ["air", "bench"])
-    assert gate.usable() == [0] and len(gate.warnings) == 1 and gate.warnings[0].startswith(told)
+    gate = pass_gate([whole, still, whole], model, ["air", "bench", "air again"])
+    assert (
+        list(gate.flights) == [0, 2]
+        and len(gate.warnings) == 1
+        and gate.warnings[0].startswith(told)
+    )
 
 
 def _in_flight(flown, sheet, with_rates, motion_late_s: float, speeds_late_s: float):
@@ -226,11 +230,7 @@ def test_how_long_commands_are_held_shows_in_the_speeds_beside_them():
 def test_what_is_late_or_not_logged_leaves_open_how_long_commands_are_held():
     late, moved = _commanded(held=False, late_s=0.015), _commanded(held=False)
     unseen = moved.replace(columns={c: v for c, v in moved.columns.items() if c in COMMAND})
-    assert (
-        estimate_command_hold([late] * 2)
-        == estimate_command_hold([unseen] * 2)
-        == default_command_hold()
-    )
+    assert estimate_command_hold([late] * 2) == estimate_command_hold([unseen] * 2) == CommandHold()
 
 
 def test_a_voltage_falls_as_read_and_dips_as_the_drive_pulls_it_down(whole, model):
@@ -258,7 +258,7 @@ def test_a_blow_from_the_ground_is_left_out_and_counted(whole, model):
     low = _changed(
         blown, ground_z_m=np.where(np.abs(whole["t_s"] - 12.0) < 1.0, whole["p_z_m"] - 0.08, 0.0)
     )
-    struck, free = pass_gate([low, blown], model).flights
+    struck, free = pass_gate([low, blown], model).flights.values()
     assert (
         struck.left_out["contact"] == pytest.approx(1.0, abs=0.1) and "contact" not in free.left_out
     )

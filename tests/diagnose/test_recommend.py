@@ -46,9 +46,8 @@ def judged(flown):
         model = from_vehicle(vehicle)
         frames = [flown(vehicle, effects, table, seed) for seed, table in enumerate(tables, 1)]
         listed = [c for name, c in library(model).items() if name in names]
-        system = build(
-            pass_gate(frames, model).flights, model, [v for c in listed for v in c.variants]
-        )
+        flights = list(pass_gate(frames, model).flights.values())
+        system = build(flights, model, [v for c in listed for v in c.variants])
         return make_regression(system), listed
 
     return make

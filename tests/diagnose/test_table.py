@@ -41,7 +41,8 @@ def test_columns_add_up_in_the_channels_that_are_asked_for(table):
 def test_columns_taken_over_from_another_system_are_those_computed_anew(sheet, flown):
     vehicle = sheet()
     model = from_vehicle(vehicle)
-    flights = pass_gate([flown(vehicle, {}, manoeuvres.straight_runs(20.0), 1)], model).flights
+    gate = pass_gate([flown(vehicle, {}, manoeuvres.straight_runs(20.0), 1)], model)
+    flights = list(gate.flights.values())
     variants = library(model)[
         "cg_offset"
     ].variants  # one axis, the other, and both: each column several times

@@ -183,13 +183,13 @@ def test_what_recalibration_has_moved_already_counts_once(excess, scale):
 def test_settled_faults_are_findings_with_intervals_and_without_rivals():
     pose = Delay("attitude", 0.04, 0.002, 0.9)
     gyro = np.array([0.03, 0.0, -0.04]), np.array([0.001, 0.001, 0.002])
-    late, offset = gate_findings(Gate((), (), (), pose, gyro), {})
+    late, offset = gate_findings(Gate({}, (), (), pose, gyro), {})
     assert late.name == "time_offset" and late.parameters["delay_s"].value == 0.04
     assert late.parameters["delay_s"].ci95 == pytest.approx((0.04 - 0.00392, 0.04 + 0.00392))
     assert offset.size["value"] == pytest.approx(0.05) and not offset.is_open
     assert offset.parameters["z_rad_s"].ci95 == pytest.approx((-0.04 - 0.00392, -0.04 + 0.00392))
     assert late.probability == settings.statistics.certain_probability
-    assert gate_findings(Gate((), (), ()), {}) == []
+    assert gate_findings(Gate({}, (), ()), {}) == []
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_settled_faults_are_findings_with_intervals_and_without_rivals():
 )
 def test_a_delay_that_clocks_usually_have_is_no_fault(delay_s, doubts, told):
     """Usual is 3 ms; beyond doubt are four sds, as of every nominal parameter."""
-    gate = Gate((), (), (), Delay("attitude", delay_s, 0.0005, 0.99))
+    gate = Gate({}, (), (), Delay("attitude", delay_s, 0.0005, 0.99))
     assert [f.name for f in gate_findings(gate, doubts)] == told
 
 

@@ -139,7 +139,8 @@ def system(sheet, flown, with_rates):
     vehicle = sheet()
     plans = (manoeuvres.straight_runs(20.0), manoeuvres.height_staircase(20.0))
     flights = [flown(vehicle, {}, p, k, with_rates) for k, p in enumerate(plans)]
-    return build(pass_gate(flights, from_vehicle(vehicle)).flights, from_vehicle(vehicle), [])
+    model = from_vehicle(vehicle)
+    return build(list(pass_gate(flights, model).flights.values()), model, [])
 
 
 @pytest.mark.parametrize("channel", CHANNELS)

@@ -6,8 +6,8 @@ import pytest
 
 from ges.conventions import QUATERNION, command, rotor_speed
 from ges.diagnose.prepare.align import (
+    CommandHold,
     airborne,
-    default_command_hold,
     gaps,
     grid_step_s,
     lifting,
@@ -131,12 +131,11 @@ def _working(*levels):
 
 def test_lift_is_thrust_over_weight_from_speeds_or_from_commands():
     flight = hovering()
-    told = [MODEL.number(n) for n in ("thrust_coefficient_N_s2", "max_rotor_speed_rad_s")]
-    np.testing.assert_allclose(thrust_over_weight(flight, *told, MODEL.weight_N), 1.0)
+    np.testing.assert_allclose(thrust_over_weight(flight, MODEL), 1.0)
     commanded = hovering(**dict.fromkeys(ROTOR_SPEED))
-    np.testing.assert_allclose(thrust_over_weight(commanded, *told, MODEL.weight_N), 1.0)
+    np.testing.assert_allclose(thrust_over_weight(commanded, MODEL), 1.0)
     silent = hovering(**dict.fromkeys((*ROTOR_SPEED, *COMMAND)))
-    assert thrust_over_weight(silent, *told, MODEL.weight_N) is None
+    assert thrust_over_weight(silent, MODEL) is None
     np.testing.assert_array_equal(thrust_over_usual(silent, None), 1.0)
 
 
@@ -200,7 +199,7 @@ def test_a_flight_knows_its_streams_and_what_was_left_out():
 
 
 def test_a_command_that_may_be_held_is_late_by_the_mean_of_both_and_within_them():
-    held = default_command_hold()
+    held = CommandHold()
     draws = np.where(np.random.default_rng(0).random(200_000) < 0.5, 0.5, 0.0)
     assert held.delay_rows == pytest.approx(draws.mean(), abs=3e-3)
     assert held.bound_rows == np.abs(draws - held.delay_rows).max()

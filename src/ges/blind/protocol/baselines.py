@@ -108,11 +108,10 @@ def prepare(recordings: RecordingSet) -> BaselineProblem:
     model = from_vehicle(recordings.vehicle, recordings.folder)
     frames = [f.frame for f in recordings.flights]
     gate = pass_gate(frames, model)
-    train, held_out = split([digest(f) for f in frames], gate.usable(), None)
+    train, held_out = split([digest(f) for f in frames], list(gate.flights), None)
     # one shape an effect; what acts through another effect alone has no column without it
     variants = [c.variants[0] for c in library(model).values() if not c.prerequisites]
-    used = {i: f for i, f in enumerate(gate.flights) if f}
-    parts = [build([used[i] for i in part], model, variants) for part in (train, held_out)]
+    parts = [build([gate.flights[i] for i in part], model, variants) for part in (train, held_out)]
     first = parts[0]
     if parts[1].names != first.names:
         raise GesError(

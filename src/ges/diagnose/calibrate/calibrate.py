@@ -428,8 +428,7 @@ def calibrate(recordings: RecordingSet, *more: RecordingSet) -> Calibration:
     model = from_vehicle(recordings.vehicle, recordings.folder)
     flown = [(index, f) for index, one in enumerate(sets) for f in one.flights]
     gate = pass_gate([f.frame for _, f in flown], model, [f.name for _, f in flown])
-    used = [(n, f) for (n, _), f in zip(flown, gate.flights, strict=True) if f is not None]
-    session, flights = [n for n, _ in used], [f for _, f in used]
+    session, flights = [flown[i][0] for i in gate.flights], list(gate.flights.values())
     if len(flights) < 2:
         raise GesError(
             f"{len(flights)} usable reference flight; calibration needs two or more to see how much"

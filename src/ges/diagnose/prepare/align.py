@@ -29,6 +29,7 @@ from ges.conventions import (
     rotors_in,
 )
 from ges.diagnose.settings import settings
+from ges.diagnose.types.model import Model
 from ges.errors import GesError
 
 _STREAMS: Mapping[str, tuple[str, ...]] = {
@@ -65,21 +66,15 @@ class CommandHold:
     ----------
     delay_rows : mean delay that this adds, in rows.
     bound_rows : most that it may be off, in rows.
-    """
-
-    delay_rows: float
-    bound_rows: float
-
-
-def default_command_hold() -> CommandHold:
-    """Return the hold of commands about which nothing is known.
 
     Notes
     -----
-    They are held until the next row, half a row late on average, or not at all: even odds, as
-    nothing favours either.
+    Commands of which nothing is known are held until the next row, half a row late on average, or
+    not at all: even odds, as nothing favours either.
     """
-    return CommandHold(0.25, 0.25)
+
+    delay_rows: float = 0.25
+    bound_rows: float = 0.25
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,7 +91,6 @@ class Prepared:
         means as ``flying``.
     excluded : (n,) True where a sample is left out, by reason.
     update_s : median time between two new values of each stream.
-    lateness_s : delay that was removed, by stream.
     derived : streams that were not logged but made from others.
     path : position and velocity at which the model is evaluated, where not at the recorded ones;
         world, m and m/s.
@@ -110,11 +104,10 @@ class Prepared:
     flying: np.ndarray
     excluded: Mapping[str, np.ndarray]
     update_s: Mapping[str, float]
-    lateness_s: Mapping[str, float] = dataclasses.field(default_factory=dict)
     derived: frozenset[str] = frozenset()
     path: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
     lifting: np.ndarray | None = None
-    command_hold: CommandHold = dataclasses.field(default_factory=default_command_hold)
+    command_hold: CommandHold = CommandHold()
     model_speeds: np.ndarray | None = None
 
     @property
@@ -407,17 +400,13 @@ def gaps(frame: pd.DataFrame, grid_s: np.ndarray) -> np.ndarray:
     return np.ones(len(grid_s), dtype=bool) if len(good) < 2 else _far_from(good, grid_s)
 
 
-def thrust_over_weight(
-    flight: Prepared, thrust_coefficient: float, speed_max: float, weight_N: float
-) -> np.ndarray | None:
+def thrust_over_weight(flight: Prepared, model: Model) -> np.ndarray | None:
     """Return thrust over weight as the drive makes it.
 
     Parameters
     ----------
     flight : prepared recording.
-    thrust_coefficient : N s^2.
-    speed_max : rotor speed of a full command, rad/s.
-    weight_N : weight of the vehicle.
+    model : of the vehicle.
 
     Returns
     -------
@@ -427,11 +416,13 @@ def thrust_over_weight(
         speeds = flight.stack("rotor_speed")
     elif flight.has("command"):
         # the motors' lag is short against the smoothing below: a command stands for its speed
-        speeds = speed_max * flight.stack("command")
+        speeds = model.number("max_rotor_speed_rad_s") * flight.stack("command")
     else:
         return None
-    ratio = thrust_coefficient * (speeds**2).sum(axis=1) / weight_N
-    return gaussian_filter1d(ratio, settings.prepare.thrust_smoothing_s / flight.dt_s)
+    thrust_N = model.number("thrust_coefficient_N_s2") * (speeds**2).sum(axis=1)
+    return gaussian_filter1d(
+        thrust_N / model.weight_N, settings.prepare.thrust_smoothing_s / flight.dt_s
+    )
 
 
 def thrust_over_usual(flight: Prepared, ratio: np.ndarray | None) -> np.ndarray:

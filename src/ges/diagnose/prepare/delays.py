@@ -13,7 +13,6 @@ from scipy.special import stdtrit
 from ges.diagnose.prepare.align import (
     CommandHold,
     Prepared,
-    default_command_hold,
     thrust_over_weight,
 )
 from ges.diagnose.prepare.kinematics import turn_rates
@@ -64,12 +63,7 @@ def _high_pass(x: np.ndarray, step_s: float, slower_s: float | None = None) -> n
 
 def _thrust_correlations(flight: Prepared, model: Model, lags_s: np.ndarray) -> np.ndarray | None:
     """Return the correlation sums (4, lags) of thrust with vertical acceleration."""
-    ratio = thrust_over_weight(
-        flight,
-        model.number("thrust_coefficient_N_s2"),
-        model.number("max_rotor_speed_rad_s"),
-        model.weight_N,
-    )
+    ratio = thrust_over_weight(flight, model)
     if (
         ratio is None
         or "v_z_m_s" not in flight.columns
@@ -228,7 +222,7 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
 
     Returns
     -------
-    No hold, a whole row, or :func:`default_command_hold` where neither is clear.
+    No hold, a whole row, or :class:`CommandHold` as it is where neither is clear.
 
     Notes
     -----
@@ -238,7 +232,7 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
     """
     usable = [f for f in flights if f.drive_in_every_row]
     if not usable:
-        return default_command_hold()
+        return CommandHold()
     (now, then, after), sds = _responses(usable)
     # what moves within a row has half of its response there, what is held none: halfway between
     least, certain_sds = 0.25 * then, settings.statistics.certain_sds
@@ -246,7 +240,7 @@ def estimate_command_hold(flights: Sequence[Prepared]) -> CommandHold:
         return CommandHold(0.0, 0.0)
     fades = then > certain_sds * sds[1] and max(abs(now), sds[0]) < least
     holds = fades and after < (1.0 - settings.statistics.least_gain) * then
-    return CommandHold(0.5, 0.0) if holds else default_command_hold()
+    return CommandHold(0.5, 0.0) if holds else CommandHold()
 
 
 def _responses(flights: Sequence[Prepared]) -> tuple[np.ndarray, np.ndarray]:
@@ -465,6 +459,4 @@ def without_delay(flight: Prepared, stream: str, delay_s: float) -> Prepared:
     names = [n for s in streams for n in flight.streams[s] if n in flight.columns]
     # what was so at t, a late stream shows at t + delay
     moved = {n: np.interp(flight.t_s + delay_s, flight.t_s, flight.columns[n]) for n in names}
-    return flight.replace(
-        columns={**flight.columns, **moved}, lateness_s={**flight.lateness_s, stream: delay_s}
-    )
+    return flight.replace(columns={**flight.columns, **moved})

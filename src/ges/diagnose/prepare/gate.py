@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -46,7 +46,7 @@ class Gate:
 
     Attributes
     ----------
-    flights : prepared flights; None where a recording cannot be used.
+    flights : prepared flights by index of the recording; those that cannot be used are left out.
     delays : clear delays of streams. That of the pose is removed, that of the drive where it is
         certain.
     warnings : sentences for the report.
@@ -54,20 +54,11 @@ class Gate:
     gyro : clear offset of the gyro, which was removed, and its sd; (3,) rad/s each.
     """
 
-    flights: tuple[Prepared | None, ...]
+    flights: Mapping[int, Prepared]
     delays: tuple[Delay, ...]
     warnings: tuple[str, ...]
     pose: Delay | None = None
     gyro: tuple[np.ndarray, np.ndarray] | None = None
-
-    def usable(self) -> list[int]:
-        """Return the indices of the flights that can be used.
-
-        Returns
-        -------
-        In the order of the recordings.
-        """
-        return [i for i, f in enumerate(self.flights) if f is not None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,13 +97,8 @@ def prepare(frame: pd.DataFrame, model: Model, index: int = 0) -> Prepared:
 
 def _on_grid(frame: pd.DataFrame, model: Model, index: int) -> _Gridded:
     flight = with_thrust_direction(regrid(frame, grid_step_s(frame), index), frame)
-    ratio = thrust_over_weight(
-        flight,
-        model.number("thrust_coefficient_N_s2"),
-        model.number("max_rotor_speed_rad_s"),
-        model.weight_N,
-    )
-    working, height = thrust_over_usual(flight, ratio), _height_over_ground_m(flight, model)
+    working = thrust_over_usual(flight, thrust_over_weight(flight, model))
+    height = _height_over_ground_m(flight, model)
     return _Gridded(flight, working, height, resting_m(flight, working, height))
 
 
@@ -265,17 +251,15 @@ def with_thrust_direction(flight: Prepared, frame: pd.DataFrame) -> Prepared:
     )
 
 
-def with_flown_voltage(model: Model, flights: Sequence[Prepared | None]) -> Model:
+def with_flown_voltage(model: Model, flights: Iterable[Prepared]) -> Model:
     """Return the model with the median battery voltage in the air as the nominal one.
 
     Parameters
     ----------
     model : of the vehicle; unchanged if its effects read the voltage already.
-    flights : prepared recordings; None for those that cannot be used.
+    flights : prepared recordings.
     """
-    volts = [
-        f.columns["battery_V"][f.flying] for f in flights if f is not None and f.has("battery")
-    ]
+    volts = [f.columns["battery_V"][f.flying] for f in flights if f.has("battery")]
     if not volts or any(effect_table.get(n).reads_voltage for n in model.effects):
         return model
     return model.with_number("battery_nominal_V", float(np.median(np.concatenate(volts))))
@@ -357,7 +341,7 @@ def pass_gate(
         lambda g, frame: _in_the_air(g, frame, model, rest_m), gridded, frames
     )
     problems = [_unusable_because(f) for f in prepared]
-    flights = [None if problem else f for f, problem in zip(prepared, problems, strict=True)]
+    usable = [i for i, problem in enumerate(problems) if not problem]
     if all(problems):
         name, problem = min(zip(names, problems, strict=True))
         raise GesError(
@@ -370,48 +354,41 @@ def pass_gate(
         for name, problem in zip(names, problems, strict=True)
         if problem
     ]
-    noticed = each(lambda f: _remarks(f) if f else [], flights)
-    warnings += [
-        f"{name} {remark}"
-        for name, remarks in zip(names, noticed, strict=True)
-        for remark in remarks
-    ]
+    flights = [prepared[i] for i in usable]
+    noticed = zip(usable, each(_remarks, flights), strict=True)
+    warnings += [f"{names[i]} {remark}" for i, remarks in noticed for remark in remarks]
     pose, flights = _without_pose_delay(flights)
     gyro, flights = _without_clear_gyro_bias(flights)
-    hold = estimate_command_hold([f for f in flights if f])
-    flights = [f and f.replace(command_hold=hold) for f in flights]
+    hold = estimate_command_hold(flights)
+    flights = [f.replace(command_hold=hold) for f in flights]
     # a delay that is not certain is left alone: a shift by noise adds an error
-    delay = drive_delay([f for f in flights if f], model)
+    delay = drive_delay(flights, model)
     if delay and delay.delay_s > settings.statistics.certain_sds * delay.sd_s:
-        flights = [f and without_delay(f, delay.stream, delay.delay_s) for f in flights]
+        flights = [without_delay(f, delay.stream, delay.delay_s) for f in flights]
     # after the clocks: a drive that is late would predict the voltage late
-    flights = [f and with_steady_voltage(with_steady_position(f)) for f in flights]
+    flights = [with_steady_voltage(with_steady_position(f)) for f in flights]
     delays = tuple(d for d in (pose, delay) if d)
-    return Gate(tuple(flights), delays, tuple(sorted(warnings)), pose, gyro)
+    by_index = dict(zip(usable, flights, strict=True))
+    return Gate(by_index, delays, tuple(sorted(warnings)), pose, gyro)
 
 
-def _without_pose_delay(
-    flights: list[Prepared | None],
-) -> tuple[Delay | None, list[Prepared | None]]:
+def _without_pose_delay(flights: list[Prepared]) -> tuple[Delay | None, list[Prepared]]:
     """Return the clear delay of the pose, and the flights without it."""
-    used = [f for f in flights if f]
-    pose = pose_delay(used)
+    pose = pose_delay(flights)
     # noise draws the peak of a correlation between two readings
     least_s = max(
-        (f.update_s[s] for f in used for s in ("gyro", "attitude") if f.has(s)), default=0.0
+        (f.update_s[s] for f in flights for s in ("gyro", "attitude") if f.has(s)), default=0.0
     )
     if not pose or abs(pose.delay_s) <= max(settings.statistics.certain_sds * pose.sd_s, least_s):
         return None, flights
-    return pose, [f and without_delay(f, pose.stream, pose.delay_s) for f in flights]
+    return pose, [without_delay(f, pose.stream, pose.delay_s) for f in flights]
 
 
 def _without_clear_gyro_bias(
-    flights: list[Prepared | None],
-) -> tuple[tuple[np.ndarray, np.ndarray] | None, list[Prepared | None]]:
+    flights: list[Prepared],
+) -> tuple[tuple[np.ndarray, np.ndarray] | None, list[Prepared]]:
     """Return the clear gyro offset with its sd, and the flights without it."""
-    bias = gyro_bias([f for f in flights if f])
-    if not bias:
+    bias = gyro_bias(flights)
+    if not bias or not (np.abs(bias[0]) > settings.statistics.certain_sds * bias[1]).any():
         return None, flights
-    if not (np.abs(bias[0]) > settings.statistics.certain_sds * bias[1]).any():
-        return None, flights
-    return bias, [f and without_gyro_bias(f, bias[0]) for f in flights]
+    return bias, [without_gyro_bias(f, bias[0]) for f in flights]

@@ -99,17 +99,17 @@ def pose_problem(
     ordered = sorted(hashed, key=lambda pair: pair[0])
     labels, frames = [f.name for _, f in ordered], [f.frame for _, f in ordered]
     gate = pass_gate(frames, model, labels)
-    model = with_flown_voltage(model, gate.flights)
-    used = {i: f for i, f in enumerate(gate.flights) if f}
-    train, held_out = split([d for d, _ in ordered], gate.usable(), _indices(holdout, labels))
+    model = with_flown_voltage(model, gate.flights.values())
+    digests = [d for d, _ in ordered]
+    train, held_out = split(digests, list(gate.flights), _indices(holdout, labels))
     if not train:
         raise GesError("every usable flight is held out; leave at least one for fitting")
     return Problem(
         flights.vehicle,
         model,
         gate,
-        {labels[i]: used[i] for i in train},
-        {labels[i]: used[i] for i in held_out},
+        {labels[i]: gate.flights[i] for i in train},
+        {labels[i]: gate.flights[i] for i in held_out},
         {f.name: float(np.ptp(f.frame["t_s"].to_numpy(dtype=float))) for _, f in ordered},
         (*flights.warnings, *gate.warnings),
     )
