@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ges.diagnose.locate.structure import (
     Structure,
     hat_functions,
-    shared_variables,
+    pool_variables,
     structures,
     varied_regimes,
     without_mean,
@@ -158,7 +158,8 @@ def test_flights_less_their_mean_keep_their_holes():
 
 
 def test_regimes_are_shared_that_every_flight_has():
-    assert shared_variables([{"a": 1, "b": 2}, {"b": 3}]) == ["b"]
+    pooled = pool_variables([{"a": np.ones(2), "b": np.ones(2)}, {"b": np.zeros(1)}])
+    assert list(pooled) == ["b"] and pooled["b"].tolist() == [1.0, 1.0, 0.0]
 
 
 @pytest.mark.parametrize(("spread", "counts"), [(0.4, False), (0.7, True)])

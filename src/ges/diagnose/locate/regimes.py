@@ -13,7 +13,7 @@ from ges.diagnose.design.columns import DesignColumn
 from ges.diagnose.design.residual import replay_model
 from ges.diagnose.design.system import System, with_columns
 from ges.diagnose.design.weak import Windows
-from ges.diagnose.locate.structure import PLACE, Regimes, Structure, shared_variables, without_mean
+from ges.diagnose.locate.structure import PLACE, Regimes, Structure, pool_variables, without_mean
 from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import ACC, FORCE, MOMENT, least_rms_in
 from ges.diagnose.prepare.kinematics import to_body
@@ -256,10 +256,7 @@ def regime_cells(
     its mean is beyond twice the standard error over blocks of time.
     """
     block = np.concatenate(system.blocks(settings.statistics.block_s))
-    values = {
-        name: np.concatenate([t[name] for t in regime_values])
-        for name in shared_variables(regime_values)
-    }
+    values = pool_variables(regime_values)
     q_values = {
         (s.channel, s.regime[0]): s.q_value
         for s in reported_structures(structures, system.model)
@@ -428,10 +425,7 @@ def located_by_findings(
     One entry for each channel in which a finding exceeds the residual, with its most affected
     regime. Its ``q_value`` is one less the probability of the finding.
     """
-    values = {
-        name: np.concatenate([t[name] for t in regime_values])
-        for name in shared_variables(regime_values)
-    }
+    values = pool_variables(regime_values)
     noise, entries = np.concatenate(residuals), []
     for name, of_flights in contributions.items():
         contribution = np.concatenate(of_flights)
@@ -494,10 +488,7 @@ def located_by_open_names(
                 # hypotheses exclude each other, so their probabilities add
                 probability[channel] = probability.get(channel, 0.0) + h.probability
                 shown.setdefault(channel, np.where(good, contribution[:, c], np.nan))
-    values = {
-        name: np.concatenate([t[name] for t in regime_values])
-        for name in shared_variables(regime_values)
-    }
+    values = pool_variables(regime_values)
     entries = []
     for channel in (
         c for c, p in probability.items() if p >= settings.statistics.acceptance_probability

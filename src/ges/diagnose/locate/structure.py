@@ -114,14 +114,19 @@ class _Basis:
         )
 
 
-def shared_variables(regimes: Regimes) -> list[str]:
-    """Return the regime variables that every flight has.
+def pool_variables(regimes: Regimes) -> dict[str, np.ndarray]:
+    """Pool the regime variables that every flight has.
 
     Parameters
     ----------
     regimes : by flight.
+
+    Returns
+    -------
+    (m,) values over the windows of all flights in a row, by variable.
     """
-    return [name for name in regimes[0] if all(name in t for t in regimes)]
+    shared = [name for name in regimes[0] if all(name in t for t in regimes)]
+    return {name: np.concatenate([t[name] for t in regimes]) for name in shared}
 
 
 def hat_functions(value: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -282,9 +287,7 @@ def _mean_structures(
     names: Sequence[str],
     blocks: Sequence[np.ndarray],
 ) -> list[Structure]:
-    values = {
-        name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
-    }
+    values = pool_variables(regimes)
     _, block = np.unique(np.concatenate(blocks), return_inverse=True)
     rng, folds = np.random.default_rng(settings.statistics.seed), settings.statistics.folds
     count = int(block.max(initial=-1)) + 1
@@ -354,9 +357,7 @@ def _size_structures(
         np.where(np.isfinite(r), np.log(np.maximum(e, settings.numerics.tiny)), np.nan)
         for r, e in zip(residuals, energy, strict=True)
     ]
-    values = {
-        name: np.concatenate([t[name] for t in regimes]) for name in shared_variables(regimes)
-    }
+    values = pool_variables(regimes)
     structures = _mean_structures([without_mean(row) for row in logs], regimes, names, blocks)
     pooled, share = np.concatenate(energy), np.concatenate(unresolved).mean(axis=0)
     at = {name: c for c, name in enumerate(names)}
