@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.locate import regimes
 from ges.diagnose.locate.regimes import (
     located_by_findings,
@@ -17,6 +16,7 @@ from ges.diagnose.locate.regimes import (
     located_by_residuals,
     regime_cells,
     strongest_entries,
+    unexplained_structures,
 )
 from ges.diagnose.locate.structure import Structure, structures, varied_regimes
 from ges.diagnose.select.evidence import Posterior

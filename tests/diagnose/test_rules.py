@@ -473,8 +473,8 @@ def test_what_stands_at_a_bound_or_makes_nothing_is_not_flown(monkeypatch, sizes
             structures=[], last=SimpleNamespace(model=MODEL), accepted=accepted
         ),
     )
-    start = SimpleNamespace(first=SimpleNamespace(model=MODEL))
-    found, _ = explanation.refit_with_open_names(told, [], start, MODEL, None, DecisionLog())
+    start = SimpleNamespace(nominal=MODEL, first=SimpleNamespace(model=MODEL))
+    found = explanation.refit_with_open_names(told, start, None, DecisionLog())
     assert found.accepted.rivals == ((*sizes, "esc_delay") if flown else ())
     if flown:
         assert found.accepted.fitted == fits.get(flown, flown)

@@ -99,19 +99,17 @@ def diagnose(
 
     # what the library explains of the residuals, and what stays open or unexplained
     nominal_gusts = problem.vehicle.effect_values().get(GUSTS)
-    start, explanation = explain_flights(start, nominal, nominal_gusts, record, names)
+    start, explanation = explain_flights(start, nominal_gusts, record, names)
     watch("fitted", explanation.accepted.names)
     balance = None if explanation.accepted.names else balance_shift(start.system)
-    explanation, unexplained = without_idle_rivals(explanation, nominal, balance is not None)
+    explanation = without_idle_rivals(explanation, nominal, balance is not None)
     unnamed_cause = balance or (None if names else thrust_of(explanation, start.system))
     located = located_entries(start, explanation)
-    explanation, unexplained = refit_with_open_names(
-        explanation, unexplained, start, nominal, balance, record
-    )
+    explanation = refit_with_open_names(explanation, start, balance, record)
     named, rivals = explanation.last.model, {} if names else rival_laws(explanation)
     laws: list[FittedLaw] = []
     if names is None:
-        explanation, unexplained, laws = add_laws(explanation, unexplained, start, nominal)
+        explanation, laws = add_laws(explanation, start)
     movable = {*explanation.accepted.rivals, *movable_by_voltage(start.system)}
     last, excused = explanation.last, excused_effects(movable, record)
     contradicted = [] if names else contradicted_parameters(last.joint, start.system, excused)
@@ -137,7 +135,6 @@ def diagnose(
         problem,
         start,
         explanation,
-        unexplained,
         laws,
         rivals,
         models,

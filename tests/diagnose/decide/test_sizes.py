@@ -22,9 +22,9 @@ from ges.diagnose.decide.rules import (
     open_names,
 )
 from ges.diagnose.decide.sizes import least_sizes
-from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.estimate.joint import JointFit
+from ges.diagnose.locate.regimes import unexplained_structures
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.select.evidence import Posterior
 from ges.diagnose.select.search import Hypothesis, SearchResult
@@ -234,5 +234,5 @@ def test_rivals_go_where_a_shifted_balance_or_healthy_flights_explain_them(
     accepted = Accepted(("wind",), found, None, None, None, {}, ("tether",), frozenset(contested))
     last = type("Stage", (), {"model": MODEL})()
     declared = dataclasses.replace(MODEL, left_unexplained=known)
-    told, left = without_idle_rivals(Explanation(accepted, None, last, [], {}), declared, moved)
-    assert bool(told.accepted.rivals) == open_still and left == []
+    told = without_idle_rivals(Explanation(accepted, None, last, [], {}), declared, moved)
+    assert bool(told.accepted.rivals) == open_still and told.unexplained == []

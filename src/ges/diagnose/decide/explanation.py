@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -16,13 +17,13 @@ from ges.diagnose.decide.accept import (
     fit_causes,
 )
 from ges.diagnose.decide.rules import parameters_at_bounds, practically_significant
-from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.gusts import HANGING, PUSHED, Gusts, find_gusts, load_may_push
 from ges.diagnose.detectors.thrust import UnmeasuredThrust, unmeasured_thrust
 from ges.diagnose.estimate.contributions import contributions
 from ges.diagnose.estimate.fit import fitted_model, with_levers
+from ges.diagnose.locate.regimes import unexplained_structures
 from ges.diagnose.locate.stages import Stage, Start, far_corrections, make_stage, relinearise
 from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.channels import least_rms_in
@@ -51,10 +52,14 @@ class Explanation:
     structures: list[Structure]
     contributions: Mapping[str, Sequence[np.ndarray]]
 
+    @functools.cached_property
+    def unexplained(self) -> list[Structure]:
+        """The structures that no name explains."""
+        return unexplained_structures(self.structures, self.last.model)
+
 
 def explain_flights(
     start: Start,
-    nominal: Model,
     nominal_gusts: Mapping[str, float] | None,
     record: DecisionLog,
     only: Sequence[str] | None,
@@ -64,7 +69,6 @@ def explain_flights(
     Parameters
     ----------
     start : the recalibrated vehicle.
-    nominal : the vehicle file's model.
     nominal_gusts : parameters of the gusts that the vehicle file has.
     record : takes every decision.
     only : fit exactly these names, whatever speaks against them.
@@ -76,12 +80,12 @@ def explain_flights(
     """
     accepted = accept(start.system, record, only)
     if accepted.fitted is not None and only is None:
-        start, accepted = _accept_where_numbers_are(start, accepted, nominal, record)
+        start, accepted = _accept_where_numbers_are(start, accepted, record)
     gusts = _gusts(accepted, start, nominal_gusts)
     if gusts and accepted.fitted is not None and only is None:
         start, accepted, gusts = _accept_in_gusts(start, accepted, gusts, nominal_gusts, record)
     refined = (
-        confirm_along_rollouts(accepted, nominal, start.first.model, record)
+        confirm_along_rollouts(accepted, start.nominal, start.first.model, record)
         if only is None
         else fit_along_rollouts(accepted)
     )
@@ -89,11 +93,11 @@ def explain_flights(
         # decided on with moments of their own; what is told flies with a lever
         fitted = with_levers(refined.fitted, refined.system)
         refined = dataclasses.replace(refined, fitted=fitted)
-    return start, explanation_of(refined, gusts, start, nominal)
+    return start, explanation_of(refined, gusts, start)
 
 
 def _accept_where_numbers_are(
-    start: Start, accepted: Accepted, nominal: Model, record: DecisionLog
+    start: Start, accepted: Accepted, record: DecisionLog
 ) -> tuple[Start, Accepted]:
     """Search again where the strongest name puts the nominal parameters, if that is far.
 
@@ -103,7 +107,7 @@ def _accept_where_numbers_are(
     singles = (h for h in accepted.result.hypotheses if len(h.names) == 1)
     strongest = next((h.names[0] for h in singles if h.names[0] in accepted.names), None)
     effects = {n: v for n, v in accepted.fit.effects.items() if n == strongest}
-    moved = relinearise(start, nominal, effects)
+    moved = relinearise(start, effects)
     if moved is None:
         return start, accepted
     decisions = DecisionLog()
@@ -111,7 +115,7 @@ def _accept_where_numbers_are(
     fitted = again.fitted
     # what is accepted there has to lead there, too, or to be the number that moved
     leads_there = (fitted and fitted.corrects_vehicle(moved.system)) or far_corrections(
-        start, nominal, fitted.effects if fitted else {}
+        start, fitted.effects if fitted else {}
     )
     if not leads_there:
         return start, accepted
@@ -146,9 +150,7 @@ def _accept_in_gusts(
     return blown, again, still
 
 
-def explanation_of(
-    accepted: Accepted, gusts: Gusts | None, start: Start, nominal: Model
-) -> Explanation:
+def explanation_of(accepted: Accepted, gusts: Gusts | None, start: Start) -> Explanation:
     """Return the explanation of accepted names and gusts, with residuals and contributions.
 
     Parameters
@@ -156,15 +158,14 @@ def explanation_of(
     accepted : names and fits.
     gusts : that were found, or None.
     start : the recalibrated vehicle.
-    nominal : the vehicle file's model.
     """
     last = start.first
     if accepted.fitted is not None:
         fitted = accepted.fitted
-        model = fitted_model(nominal, fitted)
+        model = fitted_model(start.nominal, fitted)
         last = make_stage(model, fitted.joint, fitted.regression, start.regimes)
     structures = [s for s in last.structures if not gusts or s.channel not in PUSHED]
-    contributions_by_name = contributions(accepted.fitted, accepted.names, nominal)
+    contributions_by_name = contributions(accepted.fitted, accepted.names, start.nominal)
     return Explanation(accepted, gusts, last, structures, contributions_by_name)
 
 
@@ -202,8 +203,8 @@ def thrust_of(explanation: Explanation, system: System) -> UnmeasuredThrust | No
 
 def without_idle_rivals(
     explanation: Explanation, nominal: Model, balance_shifted: bool
-) -> tuple[Explanation, list[Structure]]:
-    """Drop rivals that nothing asks for, and select the structure that stays unexplained.
+) -> Explanation:
+    """Drop rivals that nothing asks for.
 
     Parameters
     ----------
@@ -216,37 +217,28 @@ def without_idle_rivals(
     Rivals are also dropped if only healthy flights' structure asks for them besides accepted names.
     """
     accepted = explanation.accepted
-    unexplained = unexplained_structures(explanation.structures, explanation.last.model)
-    shown_when_calibrated = nominal.left_unexplained and not unexplained
+    shown_when_calibrated = nominal.left_unexplained and not explanation.unexplained
     if balance_shifted or shown_when_calibrated and accepted.names and not accepted.contested:
         accepted = dataclasses.replace(accepted, rivals=())
-    return dataclasses.replace(explanation, accepted=accepted), unexplained
+    return dataclasses.replace(explanation, accepted=accepted)
 
 
 def refit_with_open_names(
-    explanation: Explanation,
-    unexplained: list[Structure],
-    start: Start,
-    nominal: Model,
-    balance: Shift | None,
-    record: DecisionLog,
-) -> tuple[Explanation, list[Structure]]:
+    explanation: Explanation, start: Start, balance: Shift | None, record: DecisionLog
+) -> Explanation:
     """Refit with each open name or cause; the most probable becomes part of the last stage.
 
     Parameters
     ----------
     explanation : accepted names with their fit.
-    unexplained : structures that stay.
     start : the recalibrated vehicle.
-    nominal : the vehicle file's model.
     balance : a shifted balance, whose causes are open; None where there is none.
     record : takes every decision.
 
     Returns
     -------
-    The explanation and the unexplained structures. Nothing is open where each of the names stands
-    at a bound, or makes less than what matters. Of others the likeliest is modelled, where it is
-    possible at all.
+    The explanation. Nothing is open where each of the names stands at a bound, or makes less than
+    what matters. Of others the likeliest is modelled, where it is possible at all.
     """
     if balance:
         accepted = fit_causes(explanation.accepted, balance.effects())
@@ -254,33 +246,27 @@ def refit_with_open_names(
         accepted = fit_alternatives(explanation.accepted, record)
         # the most probable stand first
         names = accepted.alternatives
-        models = (nominal, start.first.model)
-        likeliest = next((n for n in names if _matters(accepted, n, models, record)), None)
+        likeliest = next((n for n in names if _matters(accepted, n, start, record)), None)
         if likeliest is None:
             for name in names:
                 because = "each that is open stands at a bound, or makes less than what matters"
                 record.note(name, Decision("open", False, because))
             without = explanation.accepted.without_rivals()
-            return dataclasses.replace(explanation, accepted=without), unexplained
+            return dataclasses.replace(explanation, accepted=without)
         # flights ask for more than what stands at a bound can be: it would not fly as they did
         if accepted.result.inclusion[likeliest] >= settings.statistics.possible_probability:
             accepted = dataclasses.replace(accepted, fitted=names[likeliest])
     else:
-        return explanation, unexplained
-    refitted = explanation_of(accepted, explanation.gusts, start, nominal)
-    return refitted, unexplained_structures(refitted.structures, refitted.last.model)
+        return explanation
+    return explanation_of(accepted, explanation.gusts, start)
 
 
-def _matters(
-    accepted: Accepted, name: str, models: tuple[Model, Model], record: DecisionLog
-) -> bool:
-    """Return whether an open name makes what matters, and is off its bounds.
-
-    The models are the vehicle file's, as given and recalibrated.
-    """
+def _matters(accepted: Accepted, name: str, start: Start, record: DecisionLog) -> bool:
+    """Return whether an open name makes what matters, and is off its bounds."""
     fitted = accepted.alternatives[name]
     if any(effect == name for effect, _ in parameters_at_bounds(fitted)):
         return False
+    models = start.nominal, start.first.model
     (decision,) = practically_significant(fitted, (name,), *models).values()
     record.note(name, decision)
     return decision.passed

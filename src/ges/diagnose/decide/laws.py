@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ges.diagnose.decide.explanation import Explanation, explanation_of
-from ges.diagnose.decide.unknown import unexplained_structures
 from ges.diagnose.design.noise import estimate_noise
 from ges.diagnose.design.system import build, with_columns
 from ges.diagnose.estimate.contributions import contributions_of, size_of_contribution
@@ -31,7 +30,7 @@ from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.select.evidence import make_regression, whiten_system
 from ges.diagnose.settings import settings
-from ges.diagnose.types.model import Model, block_of
+from ges.diagnose.types.model import block_of
 from ges.simulator.laws import CHANNELS, LAW, Term
 
 RESPONSES = {"force": ("force", "acc"), "moment": ("moment",)}
@@ -59,21 +58,17 @@ class FittedLaw:
     size: Mapping[str, Any]
 
 
-def add_laws(
-    explanation: Explanation, unexplained: list[Structure], start: Start, nominal: Model
-) -> tuple[Explanation, list[Structure], list[FittedLaw]]:
+def add_laws(explanation: Explanation, start: Start) -> tuple[Explanation, list[FittedLaw]]:
     """Add a law in every channel in which one predicts the residuals.
 
     Parameters
     ----------
     explanation : accepted names with their fit.
-    unexplained : structures in its residuals.
     start : the recalibrated vehicle.
-    nominal : the vehicle file's model.
 
     Returns
     -------
-    The explanation with laws, the structures that stay unexplained, and the laws.
+    The explanation with laws, and the laws.
 
     Notes
     -----
@@ -84,10 +79,10 @@ def add_laws(
     # a nominal parameter that was named would be a nuisance again with a law, and move twice
     before = explanation.accepted.fitted
     if before and before.corrects_vehicle(start.system):
-        return explanation, unexplained, []
+        return explanation, []
     forms = {
         channel: (form, structure)
-        for channel, structure in _response_structures(unexplained, explanation).items()
+        for channel, structure in _response_structures(explanation).items()
         if (form := _sparse_form_of(channel, explanation)).terms
     }
     terms = [term for form, _ in forms.values() for term in form.terms]
@@ -107,9 +102,9 @@ def add_laws(
         # what only filled in for another term goes
         terms = clear
     if not terms:
-        return explanation, unexplained, []
+        return explanation, []
     accepted = dataclasses.replace(explanation.accepted, fitted=fitted)
-    more = explanation_of(accepted, explanation.gusts, start, nominal)
+    more = explanation_of(accepted, explanation.gusts, start)
     laws = [
         FittedLaw(
             channel,
@@ -122,7 +117,7 @@ def add_laws(
         for channel, (form, structure) in forms.items()
         if (own := [t for t in form.terms if t in terms])
     ]
-    return more, unexplained_structures(more.structures, more.last.model), laws
+    return more, laws
 
 
 def rival_laws(explanation: Explanation) -> dict[str, RivalLaw]:
@@ -181,9 +176,7 @@ def _is_relevant(term: Term, fitted: Fitted) -> bool:
     return size >= least_rms_in(term.channel, system.model)
 
 
-def _response_structures(
-    unexplained: Sequence[Structure], explanation: Explanation
-) -> dict[str, Structure]:
+def _response_structures(explanation: Explanation) -> dict[str, Structure]:
     """Return channels of laws with structure; a size depends on what has another sign elsewhere."""
     system, by_channel = explanation.last.regression.system, {}
     main = system.main
@@ -193,7 +186,7 @@ def _response_structures(
     for channel in (c for c in CHANNELS if not drags or c == "force_z"):
         kind, axis = channel.split("_")
         responses = [f"{k}_{axis}" for k in RESPONSES[kind] if f"{k}_{axis}" in main]
-        structures = [s for name in responses for s in unexplained if s.channel == name]
+        structures = [s for name in responses for s in explanation.unexplained if s.channel == name]
         if structures:
             by_channel[channel] = structures[0]
     return by_channel

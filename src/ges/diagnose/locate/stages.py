@@ -90,12 +90,14 @@ class Start:
 
     Attributes
     ----------
+    nominal : the vehicle file's model.
     system : what the search is linearised about, without candidates.
     regimes : by flight, regime variables of all windows.
     first : the recalibrated stage.
     cells : map of its residuals over the regime variables.
     """
 
+    nominal: Model
     system: System
     regimes: Regimes
     first: Stage
@@ -131,6 +133,7 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     regimes = regimes_of(system)
     first = make_stage(with_corrections(nominal, joint.common), joint, regression, regimes)
     return Start(
+        nominal,
         system,
         regimes,
         first,
@@ -138,13 +141,12 @@ def recalibrate(flights: Sequence[Prepared], nominal: Model) -> Start:
     )
 
 
-def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> Start | None:
+def relinearise(start: Start, effects: effect_table.Effects) -> Start | None:
     """Return the start with the search linearised where the nominal parameters are with effects.
 
     Parameters
     ----------
     start : the recalibrated vehicle.
-    nominal : the vehicle file's model.
     effects : that were accepted, with their values.
 
     Returns
@@ -156,27 +158,27 @@ def relinearise(start: Start, nominal: Model, effects: effect_table.Effects) -> 
     A nominal parameter and an effect multiply each other: an inertia divides the moments of a drag.
     About a place that is far off, the search needs other names to make up for that.
     """
-    corrections = far_corrections(start, nominal, effects)
-    return start.linearised_about(at_corrections(nominal, corrections)) if corrections else None
+    corrections = far_corrections(start, effects)
+    if not corrections:
+        return None
+    return start.linearised_about(at_corrections(start.nominal, corrections))
 
 
-def far_corrections(
-    start: Start, nominal: Model, effects: effect_table.Effects
-) -> dict[str, float]:
+def far_corrections(start: Start, effects: effect_table.Effects) -> dict[str, float]:
     """Return the corrections of nominal parameters that flights ask for with effects.
 
     Parameters
     ----------
-    start, nominal, effects : as for :func:`relinearise`.
+    start, effects : as for :func:`relinearise`.
 
     Returns
     -------
     By ``effect.parameter``, in its unit; empty where none is beyond 95 % of its prior from where
     the search is linearised.
     """
-    system, flights = start.system, start.system.recordings
+    system, nominal = start.system, start.nominal
     # an effect may have numbers of its own to correct
-    fitted = _linearised_fit(flights, nominal.with_effects(effects))[1].common
+    fitted = _linearised_fit(system.recordings, nominal.with_effects(effects))[1].common
     # trims are no numbers of the file: what a rotor lost would be taken for where it was
     of_file = set(system.nuisances) & set(nominal.prior_sds)
     corrections = {key: value for key, value in fitted.items() if key in of_file}

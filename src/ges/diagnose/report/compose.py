@@ -17,7 +17,6 @@ from ges.diagnose.library.requirements import silent_channels
 from ges.diagnose.locate.laws import RivalLaw
 from ges.diagnose.locate.regimes import Cell
 from ges.diagnose.locate.stages import Start
-from ges.diagnose.locate.structure import Structure
 from ges.diagnose.prepare.problem import Problem
 from ges.diagnose.prove.proof import Proof
 from ges.diagnose.prove.verify import recalibration_warnings
@@ -66,7 +65,6 @@ def compose_diagnosis(
     problem: Problem,
     start: Start,
     explanation: Explanation,
-    unexplained_structures: Sequence[Structure],
     laws: Sequence[FittedLaw],
     rivals: Mapping[str, RivalLaw],
     models: Mapping[str, Model],
@@ -82,7 +80,6 @@ def compose_diagnosis(
     ----------
     problem, start, explanation, proof : results of the stages: prepared flights, the recalibrated
         model, the accepted names, errors on held-out flights.
-    unexplained_structures : structure in the residuals of the accepted model.
     laws : found besides the names.
     rivals : law that could stand in the place of each name.
     models : before, recalibrated and after, with laws also names_only.
@@ -97,7 +94,7 @@ def compose_diagnosis(
     )
     # asked of the model with all findings, as one may act through another
     findings = with_force_per_speed(findings, explanation.last.model)
-    unexplained = unexplained_entries(unexplained_structures)
+    unexplained = unexplained_entries(explanation.unexplained)
     last = explanation.last
     calibration = calibration_of(last.joint, last.regression.system, problem.model)
     off = silent_channels(problem.flights, problem.model)
