@@ -24,7 +24,6 @@ from ges.diagnose.advise.recommend import (
     open_sets,
     rank,
 )
-from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import build
 from ges.diagnose.library.grids import library
 from ges.diagnose.prepare.gate import pass_gate
@@ -268,7 +267,7 @@ def test_no_quiet_makes_detectable_what_is_too_small_to_be_told(null):
         for i, c in enumerate(regression.system.columns)
         if c.variant is not None and c.variant.effect == "rotor_drag"
     )
-    share = np.nanmax(rms_of(regression.system)[:, k] / least_sizes(regression.system))
+    share = np.nanmax(rms_of(regression.system)[:, k] / regression.system.least_rms)
     clear, loud = (
         smallest_detectable(_with_information(regression, s))["rotor_drag"]["smallest"]
         for s in (1e8, 1 / 64)

@@ -276,7 +276,7 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
 ):
     """In thresholds of its channel. Two wrong numbers may undo each other and explain nothing."""
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
-    system = SimpleNamespace(main=(channel,), model=MODEL)
+    system = system_of((channel,), (), ())
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
     for residuals in ("residuals_with", "_residuals_with_batteries"):
         monkeypatch.setattr(rules, residuals, lambda of, model: [before * unit])
@@ -298,7 +298,7 @@ def test_a_name_brings_flights_nearer_than_the_file_does(
 def test_what_other_numbers_do_as_well_is_no_effect(monkeypatch, name, channel, passes):
     """A delay of 33 ms and a lag of -25 ms undid each other, where the lag alone was as good."""
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least_rms_in(channel, MODEL)
-    system = SimpleNamespace(main=(channel,), model=MODEL)
+    system = system_of((channel,), (), ())
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
     recalibrated = MODEL.with_effects({"motor_lag": {"up_s": 0.01, "down_s": 0.01}})
     for residuals in ("residuals_with", "_residuals_with_batteries"):
@@ -319,7 +319,7 @@ def test_a_name_counts_in_the_channel_that_no_number_does_for_it(monkeypatch, si
     channels = ("force_x", "force_z")
     least = np.array([least_rms_in(c, MODEL) for c in channels])
     unit = np.tile([[-1.0], [1.0]], (250, 1)) * least
-    system = SimpleNamespace(main=channels, model=MODEL)
+    system = system_of(channels, (), ())
     fitted = SimpleNamespace(regression=SimpleNamespace(system=system), joint=None)
     for residuals in ("residuals_with", "_residuals_with_batteries"):
         monkeypatch.setattr(

@@ -21,7 +21,6 @@ from ges.diagnose.decide.rules import (
     differs_from_neutral,
     open_names,
 )
-from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.estimate.fit import Fitted
 from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.locate.regimes import unexplained_structures
@@ -38,7 +37,7 @@ NAMES = ("force_x", "acc_x", "moment_y", "drive_1", "range")
 
 
 def test_what_matters_at_least_is_a_share_of_each_channel_s_whole():
-    share, told = settings.decide.least_thrust_share, least_sizes(system_of(NAMES, (), ()))
+    share, told = settings.decide.least_thrust_share, system_of(NAMES, (), ()).least_rms
     force, moment = share * MODEL.weight_N, share * MODEL.weight_N / 4.0 * MODEL.arm_m
     np.testing.assert_allclose(
         told, [force, force, moment, 0.5 * share * 1000.0, settings.prepare.height_error_m]

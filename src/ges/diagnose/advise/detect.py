@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.columns import DesignColumn, variant_of
 from ges.diagnose.library.candidates import Variant, modifiers_of
 from ges.diagnose.select.evidence import Gram, Regression
@@ -215,10 +214,10 @@ class _Sizes:
 def _sizes(regression: Regression) -> _Sizes:
     system, rms = regression.system, regression.rms
     block = np.array([block_of(name) for name in system.main])
-    shares = rms / least_sizes(system)[:, None]
+    shares = rms / system.least_rms[:, None]
     # a share of weight has a meaning in forces and moments alone, not in the drive or the range
     is_force_or_moment = np.isin(block, ("force", "acc", "moment"))
-    scale = np.array([system.model.reference_scale(name) for name in system.main])[:, None]
+    scale = system.reference_scales[:, None]
     with np.errstate(divide="ignore"):
         return _Sizes(
             # shares are linear in the coefficient: it matters once the greatest of them is one

@@ -7,7 +7,6 @@ import math
 from collections.abc import Collection, Mapping
 
 from ges.diagnose.decide.rules import SIGNIFICANT
-from ges.diagnose.decide.sizes import least_sizes
 from ges.diagnose.design.system import System
 from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.select.evidence import rms_of
@@ -123,7 +122,7 @@ def contradicted_parameters(
         for key, value in joint.common.items()
         if _stands_at_bound(key, value, system.model)
     }
-    model, share = system.model, rms_of(system) / least_sizes(system)[:, None]
+    model, share = system.model, rms_of(system) / system.least_rms[:, None]
     # with what the recording adds to the file's own sd, as how long a command was held
     prior_sds = {
         key: sd

@@ -34,7 +34,6 @@ from ges.diagnose.library.candidates import (
     has_prerequisite,
 )
 from ges.diagnose.library.requirements import SIDEWAYS, untestable_drags
-from ges.diagnose.prepare.channels import least_rms_in
 from ges.diagnose.select.alike import Alike, alike_of
 from ges.diagnose.select.evidence import Regression, contribution_of, whiten_system
 from ges.diagnose.select.scorer import Entry
@@ -416,8 +415,7 @@ def practically_significant(
     lag undoes does no more than recalibration alone.
     """
     system = fitted.regression.system
-    reference = np.array([system.model.reference_scale(c) for c in system.main])
-    of_least = np.array([least_rms_in(c, system.model) for c in system.main]) / reference
+    reference, of_least = system.reference_scales, system.least_rms / system.reference_scales
     as_given, after = (
         rms_by_channel(residuals, system) / reference
         for residuals in (residuals_with(system, nominal), raw_residuals(system, fitted.joint))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -40,7 +41,7 @@ from ges.diagnose.design.weak import (
 )
 from ges.diagnose.library.candidates import Variant
 from ges.diagnose.prepare.align import Prepared
-from ges.diagnose.prepare.channels import MOMENT, channels, drive
+from ges.diagnose.prepare.channels import MOMENT, channels, drive, least_rms_in
 from ges.diagnose.settings import settings
 from ges.diagnose.types.keys import MarkedChannel, ParameterKey
 from ges.diagnose.types.model import Model, block_of
@@ -179,6 +180,16 @@ class System:
         effect, parameter = ParameterKey.of(key)
         usual = effect_table.get(effect).parameter(parameter).prior
         return nuisance_with_prior(key, usual, self.model, self.recordings) if usual else None
+
+    @functools.cached_property
+    def reference_scales(self) -> np.ndarray:
+        """(c,) what sizes in each main channel are shares of."""
+        return np.array([self.model.reference_scale(name) for name in self.main])
+
+    @functools.cached_property
+    def least_rms(self) -> np.ndarray:
+        """(c,) practical significance threshold of each main channel, rms over all windows."""
+        return np.array([least_rms_in(name, self.model) for name in self.main])
 
     @property
     def main(self) -> tuple[str, ...]:

@@ -443,12 +443,8 @@ def _prior_sds_of_candidates(system: System, rms: np.ndarray, share: float) -> n
     channel, and no more than is plausible. The rms of the columns is (C, K).
     """
     # an error of a rangefinder may be as large as its whole, not a share of it
-    scale = np.array(
-        [
-            system.model.reference_scale(name) * (1.0 if name != "range" else 1.0 / share)
-            for name in system.main
-        ]
-    )
+    of_whole = [1.0 / share if name == "range" else 1.0 for name in system.main]
+    scale = system.reference_scales * of_whole
     with np.errstate(divide="ignore"):
         # the least over channels is that of the channel where it acts most
         sizes = np.where(rms > 0, share * scale[:, None] / rms, np.inf).min(axis=0)
