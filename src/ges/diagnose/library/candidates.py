@@ -171,29 +171,25 @@ def flight_envelope(flights: Sequence[Prepared], radius_m: float) -> FlightEnvel
     radius_m : rotor radius; squares of the ground plan are at least twice as wide.
     """
     levels, most = _command_levels(flights)
-    attitude_derived = not no_attitude_derived(flights)
     turned = [float(f.stack("rotor_speed").max()) for f in flights if f.has("rotor_speed")]
-    fastest = max(turned, default=0.0)
+    envelope = FlightEnvelope(
+        commands=levels,
+        largest_commands=most,
+        fastest_rad_s=max(turned, default=0.0),
+        attitude_derived=not no_attitude_derived(flights),
+    )
     positions = [f.stack("position")[f.flying] for f in flights if f.has("position")]
-    if not positions or not sum(len(p) for p in positions):
-        return FlightEnvelope(
-            commands=levels,
-            largest_commands=most,
-            fastest_rad_s=fastest,
-            attitude_derived=attitude_derived,
-        )
+    if not sum(len(p) for p in positions):
+        return envelope
     p = np.concatenate(positions)
     places, square = _visited_squares(p[:, :2], 2.0 * radius_m)
-    return FlightEnvelope(
-        tuple(p.min(axis=0)),
-        tuple(p.max(axis=0)),
-        tuple(np.median(p, axis=0)),
-        places,
-        square,
-        levels,
-        most,
-        fastest,
-        attitude_derived,
+    return dataclasses.replace(
+        envelope,
+        low_m=tuple(p.min(axis=0)),
+        high_m=tuple(p.max(axis=0)),
+        middle_m=tuple(np.median(p, axis=0)),
+        places_m=places,
+        square_m=square,
     )
 
 
