@@ -12,12 +12,7 @@ from ges.diagnose.types.model import Model, block_of
 FORCE = ("force_x", "force_y", "force_z")
 MOMENT = ("moment_x", "moment_y", "moment_z")
 ACC = ("acc_x", "acc_y", "acc_z")
-_UNITS = {
-    **dict.fromkeys(FORCE + ACC, "N"),
-    **dict.fromkeys(MOMENT, "Nm"),
-    "drive": "rad_s",
-    "range": "m",
-}
+_UNITS = {"force": "N", "acc": "N", "moment": "Nm", "drive": "rad_s", "range": "m"}
 
 
 def unit_of(channel: str) -> str:
@@ -27,7 +22,7 @@ def unit_of(channel: str) -> str:
     ----------
     channel : ``moment_x``, which gives ``Nm``.
     """
-    return _UNITS.get(channel) or _UNITS[block_of(channel)]
+    return _UNITS[block_of(channel)]
 
 
 def drive(n_rotors: int) -> tuple[str, ...]:
