@@ -303,18 +303,6 @@ def _other_candidates(names: Sequence[str], base: Model, system: System) -> list
     ]
 
 
-def _with_best_forms_in_wind(
-    selection: _Selection, system: System, record: DecisionLog
-) -> _Selection:
-    """Replace drags by others of their family that fit better in the wind that was accepted."""
-    fitted, replacements = _best_forms_in_wind(selection.fit, selection.names, system, record)
-    return _Selection(
-        tuple(replacements.get(n, n) for n in selection.names),
-        fitted,
-        {replacements.get(n, n): p for n, p in selection.probability.items()},
-    )
-
-
 def _contested_names(context: RuleContext, record: DecisionLog) -> set[str]:
     """Return names that could not be separated from others, and those others."""
     result = context.result
@@ -530,16 +518,15 @@ def _probable_without(
     return tuple(n for n in names if n in standing)
 
 
-def _best_forms_in_wind(
-    fitted: Fitted, names: Sequence[str], system: System, record: DecisionLog
-) -> tuple[Fitted, dict[str, str]]:
-    """Return the fit with better forms of drags that a wind acts through.
-
-    It comes with the names that they replace.
+def _with_best_forms_in_wind(
+    selection: _Selection, system: System, record: DecisionLog
+) -> _Selection:
+    """Replace drags by others of their family that fit better in the wind that was accepted.
 
     A search evaluates every form in still air. In wind linear and quadratic drag are other
     functions of the motion. So each is fitted again, in full and under the same noise.
     """
+    fitted, names = selection.fit, selection.names
     replacements: dict[str, str] = {}
     through_wind = {
         c for n in names if effect_table.get(n).moves_air for c in effect_table.get(n).prerequisites
@@ -565,7 +552,11 @@ def _best_forms_in_wind(
             because = f"{replacements[name]} fits better where the air moves"
             record.note(name, Decision(rule, False, because, -gained, -least))
             fitted = polish(system, better.effects, better.free)
-    return fitted, replacements
+    return _Selection(
+        tuple(replacements.get(n, n) for n in names),
+        fitted,
+        {replacements.get(n, n): p for n, p in selection.probability.items()},
+    )
 
 
 def _fit_with_replacement(fitted: Fitted, name: str, rival: str, system: System) -> Fitted:
