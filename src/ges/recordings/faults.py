@@ -87,10 +87,6 @@ def _renamed(
     return mend
 
 
-def _same(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame
-
-
 def _axes(columns: Sequence[str], axes: str) -> tuple[str, ...]:
     return tuple(c for c, a in zip(columns, "xyz", strict=True) if a in axes)
 

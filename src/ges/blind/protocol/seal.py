@@ -34,6 +34,16 @@ def begin(folder: Path, about: Mapping[str, Any]) -> None:
     write_json(note, about)
 
 
+def makers(folder: Path) -> dict[str, Any]:
+    """Read what the cases of a folder were made by; empty where that was not kept.
+
+    Parameters
+    ----------
+    folder : of the cases.
+    """
+    return read_kept(folder / "sealed" / MADE, dict)
+
+
 def close(folder: Path) -> None:
     """Write the list of hashes over all of ``sealed/`` and ``cases/``.
 

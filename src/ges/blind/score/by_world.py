@@ -5,7 +5,6 @@ The baselines are cut at the false alarms of the tool.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +26,7 @@ from ges.blind.score.statistics import (
     score_row,
 )
 from ges.blind.score.verdicts import check_batches, read_verdict
-from ges.files import write_csv, write_json
+from ges.files import read_kept, write_csv, write_json
 from ges.study.figures import style
 
 OUTCOMES = ("right", "acceptable", "partly", "wrong", "unknown", "failed")
@@ -366,16 +365,14 @@ def skipped(folder: Path) -> pd.DataFrame:
     -------
     A row each: name and why.
     """
-    made = folder / "sealed" / "made.json"
-    about = json.loads(made.read_text()) if made.exists() else {}
+    about = seal.makers(folder)
     reasons = {**about.get("skipped", {}), **about.get("lost", {})}
     return pd.DataFrame(reasons.items(), columns=["world", "why"])
 
 
 def made_of_worlds(folder: Path) -> bool:
     """Return whether a folder was made by ``ges blind worlds``."""
-    made = folder / "sealed" / "made.json"
-    return made.exists() and "worlds" in json.loads(made.read_text())
+    return "worlds" in seal.makers(folder)
 
 
 def score_worlds(folder: Path, out: Path, diagnosed: str = OUT) -> dict[str, Any]:
@@ -480,15 +477,10 @@ def _set_table(
                 "rotor_speeds": truth.get("situation", {}).get("rotor_speeds"),
                 "noise": truth.get("situation", {}).get("noise"),
                 "rate_hz": truth.get("situation", {}).get("rate_hz"),
-                "seconds": _seconds(diagnosed / a.case),
+                "seconds": read_kept(diagnosed / a.case / "run.json", dict).get("seconds", np.nan),
             }
         )
     return pd.DataFrame(rows)
-
-
-def _seconds(verdict: Path) -> float:
-    about = verdict / "run.json"
-    return json.loads(about.read_text()).get("seconds", np.nan) if about.exists() else np.nan
 
 
 def score_batches(sums: Path, verdicts: list[Path], scores: Path) -> None:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,10 +37,8 @@ def pairs(folders: Sequence[Path]) -> np.ndarray:
     """
     stated = []
     for folder in folders:
-        made = folder / "sealed" / "made.json"
         # a folder that does not tell its seed counts as one for evaluation
-        seed = json.loads(made.read_text())["seed"] if made.exists() else FIRST_OF_EVALUATION
-        if seed >= FIRST_OF_EVALUATION:
+        if seal.makers(folder).get("seed", FIRST_OF_EVALUATION) >= FIRST_OF_EVALUATION:
             raise GesError(
                 f"'{folder}' is for evaluation (seeds from {FIRST_OF_EVALUATION} on); nothing may"
                 " be fitted to it"

@@ -25,7 +25,7 @@ from ges.blind.score.statistics import (
     score_row,
 )
 from ges.blind.score.verdicts import check_batches, read_verdict
-from ges.files import write_csv, write_json
+from ges.files import read_kept, write_csv, write_json
 
 LIMIT_S = 10.0
 PROCESSES = 2
@@ -186,8 +186,7 @@ def _case_table(
     """
     rows = []
     for j in judged:
-        about = folder / diagnosed / j.case / "run.json"
-        ran = json.loads(about.read_text()) if about.exists() else {}
+        ran = read_kept(folder / diagnosed / j.case / "run.json", dict)
         against = compared[j.case]
         # one number a case: no effect of it is further off
         worst = max(against.errors.values(), default=np.nan) if against else np.nan
