@@ -88,17 +88,13 @@ def compose_diagnosis(
     unnamed_cause : a shifted balance or an unmeasured thrust; None where there is none.
     record : decisions on every name.
     """
-    findings = with_rival_laws(
-        all_findings(explanation, problem.model, contradicted, unnamed_cause, problem.gate),
-        rivals,
-    )
+    accepted, last = explanation.accepted, explanation.last
+    findings = all_findings(explanation, problem.model, contradicted, unnamed_cause, problem.gate)
     # asked of the model with all findings, as one may act through another
-    findings = with_force_per_speed(findings, explanation.last.model)
+    findings = with_force_per_speed(with_rival_laws(findings, rivals), last.model)
     unexplained = unexplained_entries(explanation.unexplained)
-    last = explanation.last
-    calibration = calibration_of(last.joint, last.regression.system, problem.model)
     off = silent_channels(problem.flights, problem.model)
-    untested = not_tested(start.system, explanation.last.model)
+    untested = not_tested(start.system, last.model)
     warnings = [
         *problem.warnings,
         *recalibration_warnings(proof.fit["channels"], problem.model),
@@ -114,25 +110,16 @@ def compose_diagnosis(
         laws=tuple(laws_content(laws)),
         unexplained=tuple(unexplained),
         fit=proof.fit,
-        detectable=smallest_detectable(
-            explanation.accepted.regression, detected_effects(explanation.accepted)
-        ),
-        next_flight=next_flight(explanation.accepted, unnamed_cause),
+        detectable=smallest_detectable(accepted.regression, detected_effects(accepted)),
+        next_flight=next_flight(accepted, unnamed_cause),
         data=data_used(problem.flights, problem.gate, start.system, off, warnings),
-        calibration=calibration,
+        calibration=calibration_of(last.joint, last.regression.system, problem.model),
         not_tested=untested,
-        considered=considered_candidates(explanation.accepted, record, untested),
+        considered=considered_candidates(accepted, record, untested),
         vehicle=fitted_vehicle(
-            problem.vehicle,
-            problem.model,
-            explanation.accepted,
-            explanation.last.joint,
-            explanation.gusts,
-            laws,
+            problem.vehicle, problem.model, accepted, last.joint, explanation.gusts, laws
         ),
-        workings=Workings(
-            problem, explanation.accepted, start.cells, models, proof, start.system.length_s
-        ),
+        workings=Workings(problem, accepted, start.cells, models, proof, start.system.length_s),
     )
     # last, as it reads all that is reported
     return dataclasses.replace(diagnosis, sentence=sentence_of(diagnosis.content()))
