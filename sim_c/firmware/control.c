@@ -2,7 +2,7 @@
  *
  * Height: a_z = kp e + integral + kd de/dt (filtered), thrust m (g + a_z) / cos(tilt).
  * Attitude: the wanted thrust direction d, seen from the body, asks for angular acceleration
- * kp (-d_y, d_x) - kd omega; yaw by the wanted heading's body component.
+ * kp (-d_y, d_x) + integral - kd omega; yaw by the wanted heading's body component.
  */
 #include "firmware.h"
 
@@ -38,13 +38,22 @@ static void wanted_direction(const fw_config *c, const fw_input *in, real d[3]) 
   d[2] = 1.0f / norm;
 }
 
-static void wanted_moment(const fw_config *c, const fw_input *in, const real d[3], real moment[3]) {
+/* What an error of attitude asks for. The integral is what a lasting moment takes, a weak rotor's or a canted one's. */
+static real from_error(real kp, real ki, real error, real dt, real *integral) {
+  *integral = within(*integral + ki * error * dt, -kp, kp);
+  return kp * error + *integral;
+}
+
+static void wanted_moment(const fw_config *c, const fw_input *in, const real d[3], fw_state *s, real moment[3]) {
   const real *r = in->r;
   real dx = dot3(d, r[0], r[3], r[6]), dy = dot3(d, r[1], r[4], r[7]);
   real yaw_error = in->heading[0] * r[1] + in->heading[1] * r[4];
-  moment[0] = c->inertia[0] * (-c->attitude_kp * dy - c->attitude_kd * in->gyro[0] + in->excitation[0]);
-  moment[1] = c->inertia[1] * (c->attitude_kp * dx - c->attitude_kd * in->gyro[1] + in->excitation[1]);
-  moment[2] = c->inertia[2] * (c->yaw_kp * yaw_error - c->yaw_kd * in->gyro[2] + in->excitation[2]);
+  real roll = from_error(c->attitude_kp, c->attitude_ki, -dy, in->dt, &s->turn[0]);
+  real pitch = from_error(c->attitude_kp, c->attitude_ki, dx, in->dt, &s->turn[1]);
+  real yaw = from_error(c->yaw_kp, c->yaw_ki, yaw_error, in->dt, &s->turn[2]);
+  moment[0] = c->inertia[0] * (roll - c->attitude_kd * in->gyro[0] + in->excitation[0]);
+  moment[1] = c->inertia[1] * (pitch - c->attitude_kd * in->gyro[1] + in->excitation[1]);
+  moment[2] = c->inertia[2] * (yaw - c->yaw_kd * in->gyro[2] + in->excitation[2]);
 }
 
 static real command_of(const fw_config *c, real thrust) {
@@ -93,7 +102,7 @@ void firmware_run(const fw_config *c, const fw_input *in, fw_state *state, fw_ou
   real up = height_acceleration(c, height_error(c, in, state), in->dt, state) + in->a_ref[2] + in->excitation[3];
   real thrust = c->mass * greatest(c->gravity + up, number(0.0f)) / greatest(in->r[8], number(0.5f));
   wanted_direction(c, in, d);
-  wanted_moment(c, in, d, moment);
+  wanted_moment(c, in, d, state, moment);
   out->thrust_command = command_of(c, thrust / (float)FIRMWARE_ROTORS_OF(c));
   ge_ff_estimate(c, in, state->range, out->thrust_command, state, factor, out);
   int rotors = FIRMWARE_ROTORS_OF(c);

@@ -25,7 +25,7 @@ typedef struct {
   int allocation;                 /* 0: each command held within its limits; 1: roll and pitch before yaw */
   real altitude_kp, altitude_ki, altitude_kd, altitude_filter, altitude_integral;
   real position_kp, velocity_kp, tangent_max;
-  real attitude_kp, attitude_kd, yaw_kp, yaw_kd;
+  real attitude_kp, attitude_ki, attitude_kd, yaw_kp, yaw_ki, yaw_kd;
   choice height_from_position;
   real mode, mapping, per_rotor, bias, pulse, pulse_start, pulse_end, lead;
   real cutover, trust_band, overprediction_clamp, range_to_rotor;
@@ -45,6 +45,7 @@ typedef struct {
 
 typedef struct {
   real integral, error, slope, range;     /* height loop: integral term, last error, filtered rate, last range */
+  real turn[3];                           /* attitude loop: integral terms about x, y, z (rad/s^2) */
   real estimate[FIRMWARE_ROTORS];         /* last feedforward estimates */
   choice started;
 } fw_state;

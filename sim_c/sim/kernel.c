@@ -177,8 +177,10 @@ static void load_gains(fw_config *c, const double *const *p) {
   c->position_kp = setting(p, P_position_kp);
   c->velocity_kp = setting(p, P_velocity_kp);
   c->attitude_kp = setting(p, P_attitude_kp);
+  c->attitude_ki = setting(p, P_attitude_ki);
   c->attitude_kd = setting(p, P_attitude_kd);
   c->yaw_kp = setting(p, P_yaw_kp);
+  c->yaw_ki = setting(p, P_yaw_ki);
   c->yaw_kd = setting(p, P_yaw_kd);
   vd sine, cosine;
   lane_sin_cos(column(p, P_tilt_max_rad), &sine, &cosine);

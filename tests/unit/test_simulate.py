@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from ges.commands.simulate import command
@@ -11,6 +12,7 @@ from ges.recordings.recording import checked_frame
 from ges.simulator import flight as sim
 from ges.simulator import manoeuvres
 from ges.simulator.terrain import Terrain
+from ges.vehicle import library
 
 VEHICLES = ["crazyflie-2.1", "appius", "px4-quad"]
 
@@ -39,6 +41,28 @@ def test_manoeuvre_is_flown_without_touching_the_ground(name, vehicle, tmp_path)
         np.hypot(frame["p_x_m"] - frame["p_ref_x_m"], frame["p_y_m"] - frame["p_ref_y_m"]).max()
         < 1.0
     )
+
+
+@pytest.mark.parametrize("name", manoeuvres.MENU)
+def test_weak_and_canted_rotors_are_trimmed_before_the_record_begins(name, tmp_path):
+    # as README's first diagnosis fits them: about x 28, about z 10 rad/s^2 in hover
+    file = tmp_path / "weak.yaml"
+    values = yaml.safe_load(library.path_of("crazyflie-2.1").read_text())
+    values["effects"] = {
+        "weak_rotor": {"loss_2": 0.051, "loss_3": 0.16, "loss_4": -0.05},
+        "rotor_cant": {"angle_rad": 0.0114},
+    }
+    file.write_text(yaml.safe_dump(values))
+    out = tmp_path / "f.parquet"
+    result = CliRunner().invoke(command, [str(file), "--plan", name, "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    frame, _ = checked_frame("f", pd.read_parquet(out))
+    table = manoeuvres.make(name)
+    assert frame["t_s"].iloc[-1] == pytest.approx((len(table) - 1) * manoeuvres.STEP_S)
+    assert np.abs(frame["p_z_m"] - frame["p_ref_z_m"]).max() < 0.3
+    first = frame.iloc[0]
+    assert abs(2 * np.arctan2(first["q_z"], first["q_w"]) - first["yaw_ref_rad"]) < 0.05
+    assert abs(first["p_x_m"] - first["p_ref_x_m"]) < 0.1
 
 
 def test_set_point_file_round_trips():

@@ -37,6 +37,10 @@ KEPT = (
 )
 
 
+# integral terms settle at the first set point before the record begins, as before a take-off's end
+TRIM_S = 5.0
+
+
 def _missing(vehicle: Vehicle) -> tuple[dict[str, float], list[str]]:
     """Estimates for what the file leaves out, each named."""
     from ges.vehicle import scaling
@@ -89,11 +93,13 @@ def _recorded(record: sim.Record) -> dict[str, np.ndarray]:
         for name, v in record.columns.items()
         if name.startswith(KEPT) and name not in READINGS.values()
     }
-    return {
-        READINGS.get(name, name): record.columns[name]
+    before = int(np.searchsorted(record["t_s"], TRIM_S))
+    recorded = {
+        READINGS.get(name, name): record.columns[name][before:]
         for name in [*columns, *READINGS]
         if name in record.columns
     }
+    return recorded | {"t_s": record["t_s"][: len(record["t_s"]) - before]}
 
 
 @click.command()
@@ -155,11 +161,18 @@ def command(
     for sentence in notes:
         click.echo(f"warning: {sentence}", err=True)
     table = _references(plan, references, duration)
-    timing = {"inputs_dt_s": manoeuvres.STEP_S, "duration_s": (len(table) - 1) * manoeuvres.STEP_S}
+    timing = {
+        "inputs_dt_s": manoeuvres.STEP_S,
+        "inputs_start_s": TRIM_S,
+        "duration_s": TRIM_S + (len(table) - 1) * manoeuvres.STEP_S,
+    }
     # height by position and no feed-forward: the controller knows nothing of the ground
     fixed: dict[str, float | str] = {"seed": seed, "altitude_source": 1, "mode": "none", **timing}
     # a row has the readings of its own time, and no stream is half a step late of another
     fixed |= {"integrator": 1, "control_every": 5, "record_every": 10}
+    # as autopilots have: integral action, or weak and canted rotors turn the vehicle over, and roll
+    # and pitch before yaw where a rotor is at its limit
+    fixed |= {"attitude_ki": 150.0, "yaw_kp": 20.0, "yaw_ki": 10.0, "yaw_kd": 8.0, "allocation": 1}
     curve = vehicle.effect_values().get("thrust_curve", {}).get("c", 0.0)
     fixed["fw_thrust_curve"] = min(max(curve, 0.0), 1.0)  # an autopilot is set up for its motors
     # later ones replace earlier ones: what the user sets has the last word
@@ -169,9 +182,10 @@ def command(
     )[0]
     if record.status != "ok":
         raise GesError(record.status)
-    write_flight(out, pd.DataFrame(_recorded(record)))
+    recorded = _recorded(record)
+    write_flight(out, pd.DataFrame(recorded))
     click.echo(
-        f"{out}: {numbers['duration_s']:.1f} s, {int(record['contact'].sum())} samples in contact"
+        f"{out}: {recorded['t_s'][-1]:.1f} s, {int(recorded['contact'].sum())} samples in contact"
         " with the ground",
         err=True,
     )
