@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ges.diagnose.report.findings import _lever_note, open_findings
+from ges.diagnose.report.findings import _alternatives_of, _lever_note, open_findings
 from ges.diagnose.select.probability import calibrated_probability
 from ges.diagnose.types.model import Model
 
@@ -44,3 +44,22 @@ def test_of_names_of_which_one_is_needed_no_more_is_stated_than_one(inclusion, s
 )
 def test_a_drag_says_where_it_acts_if_that_is_not_where_the_file_has_it(values, nominal, note):
     assert _lever_note(values, "rotor_drag", nominal) == note
+
+
+def _set(log_evidence, *names):
+    return SimpleNamespace(names=names, log_evidence=log_evidence)
+
+
+def test_nothing_is_weighed_against_a_name_that_a_later_round_accepted():
+    """The first search had it beside none of what the later round accepted before."""
+    best = _set(50.0, "rotor_drag")
+    sets = (best, _set(40.0, "parasitic_drag"), _set(1.0, "wind"))
+    accepted = SimpleNamespace(
+        names=("rotor_drag", "wind"),
+        result=SimpleNamespace(hypotheses=sets, best=best),
+        alike={},
+    )
+    assert _alternatives_of(accepted, "wind") == ()
+    assert _alternatives_of(accepted, "rotor_drag") == (
+        {"name": "parasitic_drag", "log_odds": -10.0},
+    )

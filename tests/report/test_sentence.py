@@ -242,3 +242,34 @@ def test_nothing_proven_tells_the_error_that_stays_on_flights_that_took_no_part(
         "moment_y_Nm": {"before": 0.3, "recalibrated": 0.2, "after": 0.2},
     }
     assert "the force along thrust stays 15 N off" in sentence_of(content)
+
+
+@pytest.mark.parametrize(
+    ("probability", "words"), [(0.9905, "99.1 % sure"), (0.997, "99.7 %"), (0.9999, "99.9 % sure")]
+)
+def test_nothing_is_rounded_to_certainty(content, probability, words):
+    finding = {**content["findings"][0], "probability": probability}
+    assert words in sentence_of({**content, "findings": [finding]})
+
+
+def test_two_errors_are_said_with_as_many_digits_as_tell_them_apart(content):
+    rolled = content["fit"]["rollout"]
+    rows = {"p_x_m": {**rolled["channels"]["p_x_m"], "recalibrated": 0.1249, "after": 0.1175}}
+    fit = {**content["fit"], "rollout": {**rolled, "channels": rows}}
+    assert "is 0.117 m off, not 0.125 m" in sentence_of({**content, "fit": fit})
+
+
+@pytest.mark.parametrize(
+    ("count", "more"), [(1, ""), (2, " and by 1 more law"), (3, " and by 2 more laws")]
+)
+def test_a_law_is_what_the_simulator_is_off_by(content, count, more):
+    law = {
+        "channel": "force_y",
+        "form": "0.0971 m g V_x/v_h",
+        "size": {"channel": "force_y", "share_of_weight": 0.03},
+    }
+    told = sentence_of({**content, "findings": [], "laws": [law] * count, "verdict": "law"})
+    assert told.startswith(
+        f"The force to the left is off by 0.0971 m g V_x/v_h{more},"
+        " which no effect is proven to make;"
+    )

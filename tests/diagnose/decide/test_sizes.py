@@ -68,6 +68,12 @@ def test_numbers_far_beyond_their_doubt_are_told_the_farthest_first():
     assert "wrong about inertia_kg_m2.yy: these flights need +50 %, 5.0 times" in inertia.sentence()
 
 
+def test_what_one_number_needs_more_of_the_other_needs_less_of():
+    """Flights tell thrust over mass: a mass that is 12 % too low, or a thrust 11 % too high."""
+    (thrust,) = _declared({"thrust_scale.scale": -0.11}, more={"thrust_scale.scale": 0.02})
+    assert "need +12 % of mass_kg or -11 % of thrust_coefficient_N_s2" in thrust.sentence()
+
+
 def test_what_hardly_shows_or_what_others_can_move_contradicts_nothing():
     assert _declared({"inertia.yy": 0.5}, but=("inertia",)) == []
     assert _declared({"inertia.yy": 0.5}, acting=1e-6) == []

@@ -96,11 +96,14 @@ def test_a_block_is_as_many_windows_as_five_seconds_hold(spacing_s, count):
 @pytest.mark.parametrize(("share", "is_warned"), [(0.9, False), (1.1, True)])
 def test_a_recalibration_that_makes_it_worse_by_what_matters_is_one_sentence(share, is_warned):
     growth = share * settings.decide.least_thrust_share * MODEL.weight_N
-    errors = {"before": 0.2, "recalibrated": np.hypot(0.2, growth)}
+    errors = {"before": 0.2, "recalibrated": 0.2 + growth}
     found = recalibration_warnings({"force_x_N": errors}, MODEL)
     assert bool(found) == is_warned
     if is_warned:
-        assert found[0].startswith("on the flights that took no part the error of force_x_N is 0.2")
+        assert found[0].startswith(
+            f"on the flights that took no part the force forward is {0.2 + growth:.3f} N off with"
+        )
+        assert "0.200 as given" in found[0]
 
 
 def test_elsewhere_is_outside_all_regimes_of_its_channel():

@@ -75,9 +75,19 @@ class Contradicted:
                 f" {self.sds:.1f} times the sd that the file has of it, and what did it is open."
             )
         return (
-            f"The vehicle file is wrong about {corrected_numbers(self.key)}: these flights need"
-            f" {100.0 * self.share:+.0f} %, {self.sds:.1f} times its prior sd."
+            f"The vehicle file is wrong about {corrected_numbers(self.key)}: these flights"
+            f" need {self._needed()}, {self.sds:.1f} times its prior sd."
         )
+
+    def _needed(self) -> str:
+        """Return the change of each number that would do."""
+        numbers = corrected_numbers(self.key).split(" or ")
+        if len(numbers) == 1:
+            return f"{100.0 * self.share:+.0f} %"
+        # flights tell thrust over mass, so that more of the one is less of the other
+        of_mass = 1.0 / (1.0 + self.share) - 1.0
+        shares = {n: of_mass if n == "mass_kg" else self.share for n in numbers}
+        return " or ".join(f"{100.0 * share:+.0f} % of {n}" for n, share in shares.items())
 
 
 def excused_effects(open_names: Collection[str], record: DecisionLog) -> set[str]:

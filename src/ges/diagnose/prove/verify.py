@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,7 +14,7 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.channels import channels, least_rms_in, unit_of
 from ges.diagnose.settings import settings
 from ges.diagnose.types.model import Model
-from ges.diagnose.types.words import stage_words
+from ges.diagnose.types.words import channel_words, number_words, stage_words, unit_words
 
 STAGES = ("before", "recalibrated", "after")
 
@@ -147,12 +146,12 @@ def recalibration_warnings(channels: Mapping[str, Mapping], model: Model) -> lis
     What grows by less than the practical significance threshold is not worth a sentence.
     """
     return [
-        f"on the flights that took no part the error of {name} is {rms['before']:.3g} as given and"
-        f" {rms['recalibrated']:.3g} recalibrated: the flights differ by more than the nominal"
-        " parameters can"
+        f"on the flights that took no part the {channel_words(name)} is"
+        f" {number_words(rms['recalibrated'])} {unit_words(name)} off with numbers of the file"
+        f" recalibrated, {number_words(rms['before'])} as given: they were bent to physics that the"
+        " file lacks, or flights differ by more than they can"
         for name, rms in channels.items()
-        if math.sqrt(max(rms["recalibrated"] ** 2 - rms["before"] ** 2, 0.0))
-        > least_rms_in(name, model)
+        if rms["recalibrated"] - rms["before"] > least_rms_in(name, model)
     ]
 
 

@@ -139,18 +139,19 @@ def _correlation_note(fitted: Fitted, key: tuple[str, str]) -> str:
 
 
 def _alternatives_of(accepted: Accepted, name: str) -> tuple[dict, ...]:
-    """Return names that could take its place, with log odds against the best set that has it.
+    """Return names that could take its place, with log odds against the best set.
 
     Other places of the same name that these flights cannot separate come first.
     """
-    hypotheses = accepted.result.hypotheses
-    with_name = max((h.log_evidence for h in hypotheses if name in h.names), default=0.0)
     # the best set without the name, by what it has that was not accepted: that takes its place
     best: dict[str, float] = {}
-    for h in hypotheses:
+    result = accepted.result
+    # a name of a later round was accepted given others, which the first search did not have
+    for h in result.hypotheses if name in result.best.names else ():
         if name not in h.names:
             for other in set(h.names) - set(accepted.names):
-                best[other] = max(best.get(other, -np.inf), h.log_evidence - with_name)
+                odds = h.log_evidence - result.best.log_evidence
+                best[other] = max(best.get(other, -np.inf), odds)
     ranked = sorted(best.items(), key=lambda item: (-item[1], item[0]))[
         : settings.report.alternatives
     ]

@@ -27,14 +27,16 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
     Returns
     -------
     For the body axis on which it is greatest, N per m/s. None where the force is not proportional
-    to speed, or depends on the past.
+    to speed, depends on the past, or is that of a moving air.
 
     Notes
     -----
     The compiled effect is evaluated at rest, at 1 and at 2 m/s along each body axis, far from the
     ground.
     """
-    if effect_table.get(name).n_states:
+    effect = effect_table.get(name)
+    # a wind changes with speed what a drag makes of it, and is in proportion to none
+    if effect.n_states or effect.kind == "wind":
         return None
     # axis by axis: at rest, at 1 m/s and at 2 m/s
     speeds = np.array([[s * (a == b) for b in range(3)] for a in range(3) for s in (0.0, 1.0, 2.0)])

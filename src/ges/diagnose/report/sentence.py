@@ -154,8 +154,8 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
 
 def _sureness(findings: Sequence[Mapping]) -> str:
     least = min(f["probability"] for f in findings)
-    # no more nines than the table of findings shows
-    sure = "99.9 %" if least > 0.999 else f"{100.0 * least:.0f} %"
+    # as in the table of findings: nothing is rounded to certainty
+    sure = f"{100.0 * min(least, 0.999):.{1 if least > 0.99 else 0}f} %"
     return f"{'each at least ' if len(findings) > 1 else ''}{sure} sure"
 
 
@@ -179,9 +179,12 @@ def _improvement_words(content: Mapping[str, Any]) -> str:
     best = _best(position_rows)
     if best:
         name, c = best
+        # as many digits as tell the two apart
+        pairs = ([number_words(c[s], n) for s in ("after", "recalibrated")] for n in (2, 3, 4))
+        after, recalibrated = next(pair for pair in pairs if pair[0] != pair[1])
         return (
             f"{channel_words(name)} {number_words(rolled['horizon_s'], 1)} s ahead is"
-            f" {number_words(c['after'], 2)} m off, not {number_words(c['recalibrated'], 2)} m"
+            f" {after} m off, not {recalibrated} m"
         )
     best = _best(table)
     if best:
@@ -294,14 +297,18 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
 def _law(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield the law of the largest size, and its worth on held-out flights."""
     laws = sorted(content["laws"], key=lambda law: -law["size"]["share_of_weight"])
-    first, more = laws[0], f" and {len(laws) - 1} more" if len(laws) > 1 else ""
-    where = f"No effect is proven to make the {channel_words(first['channel'])}"
+    first, rest = laws[0], len(laws) - 1
+    more = f" and by {rest} more law{'s' if rest > 1 else ''}" if rest else ""
+    where, unproven = f"The {channel_words(first['channel'])}", "which no effect is proven to make"
     worth = _improvement_words(content) or "no error falls"
     if _loss(content):
         worth = f"{worth}, but {_loss(content)}"
-    for what in (f"{where} = {first['form']}{more}", f"{where}, a law does{more}"):
+    for what in (
+        f"{where} is off by {first['form']}{more}, {unproven}",
+        f"{where} is off by a law{more}, {unproven}",
+    ):
         yield from (_join(what, f"{unseen} {worth}") for unseen in UNSEEN)
-    yield f"{where}, a law does."
+    yield f"{where} is off by a law, {unproven}."
 
 
 def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
@@ -317,11 +324,11 @@ def _unknown(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _nothing(content: Mapping[str, Any]) -> Iterator[str]:
-    agree = "these flights agree with the simulator"
+    alone = "no effect stands out of the noise"
     correction, stays = _largest_correction(content), _largest_error(content)
     rest = [f"{where} {stays}" for where in UNSEEN] if stays else []
-    starts = [f"{agree}; farthest off is {correction}"] if correction else []
-    for start in (*starts, f"within the prior sds {agree}, but for effects too small to show"):
+    starts = [f"{alone}; farthest off is {correction}"] if correction else []
+    for start in (*starts, f"{alone} and of what the file leaves open"):
         yield from (_join(f"Nothing proven: {start}", clause) for clause in (*rest, ""))
 
 
