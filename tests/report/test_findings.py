@@ -7,7 +7,9 @@ import pytest
 
 from ges.diagnose.report.findings import _alternatives_of, _lever_note, open_findings
 from ges.diagnose.select.probability import calibrated_probability
+from ges.diagnose.types.finding import FittedParameter
 from ges.diagnose.types.model import Model
+from ges.simulator import effects as effect_table
 
 
 @pytest.mark.parametrize(
@@ -63,3 +65,18 @@ def test_nothing_is_weighed_against_a_name_that_a_later_round_accepted():
     assert _alternatives_of(accepted, "rotor_drag") == (
         {"name": "parasitic_drag", "log_odds": -10.0},
     )
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sd", "interval"),
+    [
+        ("inertia.zz", 0.5, 0.1, (0.304, 0.696)),
+        # no inertia is negative, and no surface rougher than smooth
+        ("inertia.zz", 0.5, 2.0, (effect_table.get("inertia").parameter("zz").low, 3.0)),
+        ("wind.roughness_m", 0.0, 0.1, (0.0, 0.196)),
+    ],
+)
+def test_an_interval_ends_where_its_number_cannot_go(key, value, sd, interval):
+    high = effect_table.get("inertia").parameter("zz").high
+    assert high == 3.0
+    assert FittedParameter.of(key, value, sd).ci95 == pytest.approx(interval, abs=1e-3)

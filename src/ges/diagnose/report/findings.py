@@ -11,6 +11,7 @@ from ges.diagnose.advise.detect import DetectedEffect
 from ges.diagnose.decide.accept import Accepted
 from ges.diagnose.decide.contradicted import Contradicted
 from ges.diagnose.decide.explanation import Explanation
+from ges.diagnose.decide.rules import parameters_at_bounds
 from ges.diagnose.design.columns import variant_of
 from ges.diagnose.design.system import System
 from ges.diagnose.detectors.balance import Shift
@@ -104,15 +105,16 @@ def _parameters_of(
 ) -> dict[str, FittedParameter]:
     """Return fitted parameters of one effect with 95 % intervals.
 
-    Notes give strong correlations and what the vehicle file has.
+    Notes give strong correlations, bounds that were met, and what the vehicle file has.
     """
-    estimates = {}
+    estimates, at_bounds = {}, parameters_at_bounds(fitted)
     for e, p in fitted.free:
         if e == name:
             notes = (
                 f"the vehicle file has {nominal[p]:.3g}" if p in nominal else "",
                 _lever_note(fitted.effects[name], name, nominal),
                 _correlation_note(fitted, (e, p)),
+                "at its bound: these flights ask for more" if (e, p) in at_bounds else "",
             )
             note = "; ".join(n for n in notes if n)
             value, sd = fitted.effects[e][p], fitted.sd(e, p)

@@ -30,7 +30,7 @@ class FittedParameter:
     Attributes
     ----------
     value : estimate, in ``unit``.
-    ci95 : 95 % interval, (low, high), in ``unit``.
+    ci95 : 95 % interval, (low, high), in ``unit``; within what the library allows.
     unit : ``1`` where it has none.
     note : what to know about it; '' for nothing.
     """
@@ -51,8 +51,12 @@ class FittedParameter:
         sd : of the value.
         """
         effect, parameter = ParameterKey.of(key)
-        unit = effect_table.get(effect).parameter(parameter).unit
-        return cls(value, interval95(value, sd), unit, note)
+        p = effect_table.get(effect).parameter(parameter)
+        low, high = interval95(value, sd)
+        # of a number that the library bounds no interval reaches beyond: no inertia is negative
+        if p.low <= value <= p.high:
+            low, high = max(low, p.low), min(high, p.high)
+        return cls(value, (low, high), p.unit, note)
 
     def content(self) -> dict[str, Any]:
         """Give ``value``, ``ci95``, ``unit``, and ``note`` where there is one, as JSON has them."""
