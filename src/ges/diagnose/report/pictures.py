@@ -327,8 +327,10 @@ def draw_residual(
         zorder=3,
         label="recorded, mean of the bin with 95 % interval",
     )
+    drawn = [np.quantile(y, [0.005, 0.995]), mean]
     for stage, contribution in curves.items():
         _, line, _ = bin_means(x, contribution, blocks, edges)
+        drawn.append(line)
         axis.plot(
             center,
             line,
@@ -338,9 +340,10 @@ def draw_residual(
             zorder=2,
             label=stage_words(stage),
         )
-    # a few outliers may leave the picture, means and their intervals may not
-    spread = np.quantile(y, [0.005, 0.995])
-    axis.set_ylim(min(spread[0], np.nanmin(mean - half)), max(spread[1], np.nanmax(mean + half)))
+    # outliers and the intervals of a few blocks may leave the picture, means and models may not
+    low, high = np.nanmin(np.concatenate(drawn)), np.nanmax(np.concatenate(drawn))
+    room = 0.05 * (high - low)
+    axis.set_ylim(low - room, high + room)
     axis.set(xlabel=xlabel, ylabel=ylabel)
     axis.legend()
 
