@@ -273,3 +273,14 @@ def test_a_law_is_what_the_simulator_is_off_by(content, count, more):
         f"The force to the left is off by 0.0971 m g V_x/v_h{more},"
         " which no effect is proven to make;"
     )
+
+
+@pytest.mark.parametrize("verdict", ["physics", "ambiguous"])
+def test_three_names_outrank_their_sizes(content, verdict):
+    names = ("ground_effect_forward_flight", "ground_effect_moment", "rotor_inertia_reaction")
+    size = {"channel": "force_z", "value": 0.4, "unit": "N", "share_of_weight": 0.03}
+    found = [_finding(content, n, size=size, open=verdict == "ambiguous") for n in names]
+    told = sentence_of({**content, "findings": found, "verdict": verdict})
+    assert all(n.replace("_", " ") in told for n in names)
+    if verdict == "physics":
+        assert "of weight" not in told and "position x 1 s ahead" in told

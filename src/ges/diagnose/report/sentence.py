@@ -6,6 +6,7 @@ file is in it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -61,8 +62,7 @@ def sentence_of(content: Mapping[str, Any]) -> str:
 def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield findings by kind, how sure the least of them is, and their worth on held-out flights.
 
-    Shorter forms drop names first, then a gain, then sizes. With a loss they drop sizes, then the
-    channel that lost, and the gain last.
+    Shorter forms drop sizes first, then names, then the channel that lost, and the gain last.
     """
     findings, gain, loss = content["findings"], _improvement_words(content), _loss(content)
     if not findings:
@@ -71,22 +71,18 @@ def _findings_forms(content: Mapping[str, Any]) -> Iterator[str]:
         yield f"The vehicle file is wrong about {wrong}."
         return
     if not content["fit"].get("channels"):
-        forms = [(True, ""), (False, "")]
-    # a loss outranks a size: it may mean that a finding is wrong
+        worths = [""]
+    # a loss outranks names: it may mean that one of them is wrong
     elif loss:
         both = [f"{gain}, but {loss}", f"{gain}, but another error grows"] if gain else []
-        both += [loss]
-        forms = [(sized, clause) for clause in both for sized in (True, False)]
+        worths = [*both, loss]
     else:
-        forms = [
-            (sized, clause) for sized in (True, False) for clause in (gain or "no error falls", "")
-        ]
-    # names are the first to go, one by one, for they stand in the table below the sentence
-    for sized, worth in forms:
-        for most in range(MOST_NAMES, 0, -1):
-            what = f"{_by_kind(findings, content, most, sized)}, {_sureness(findings)}"
-            clauses = [f"{where} {worth}" for where in UNSEEN] if worth else [""]
-            yield from (_join(what, clause) for clause in clauses)
+        worths = [gain or "no error falls", ""]
+    # what is missing outranks how large it is, which stands in the table below the sentence
+    for worth, most, sized in itertools.product(worths, range(MOST_NAMES, 0, -1), (True, False)):
+        what = f"{_by_kind(findings, content, most, sized)}, {_sureness(findings)}"
+        clauses = [f"{where} {worth}" for where in UNSEEN] if worth else [""]
+        yield from (_join(what, clause) for clause in clauses)
     lead = LEADS[findings[0]["kind"]]
     yield _capital(f"{lead} {list_words(_names(findings, content, 1, False))}.")
 
@@ -278,11 +274,10 @@ def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:
     if missing := next(filter(None, reasons), ""):
         needed, _, _ = missing.removeprefix("needs ").partition(";")
         tells = f"{needed} would tell"
-    # first to go is a third name, then the advised flight, then the sizes: the page has them all
-    for most, sized, clause in (
-        *((m, True, tells) for m in range(MOST_NAMES, 1, -1)),
-        *((m, True, "") for m in range(MOST_NAMES, 1, -1)),
-        *((m, False, "") for m in range(MOST_NAMES, 0, -1)),
+    # first to go are the sizes, then a third name, then the advised flight: the page has them all
+    for clause, most, sized in (
+        *itertools.product((tells, ""), range(MOST_NAMES, 1, -1), (True, False)),
+        ("", 1, False),
     ):
         names = list_words(_names(rivals, content, most, sized), "or")
         one_of = f"one of {names} is missing and these flights cannot tell which"
