@@ -237,25 +237,30 @@ def refit_with_open_names(
 
     Returns
     -------
-    The explanation. Nothing is open where each of the names stands at a bound, or makes less than
-    what matters. Of others the likeliest is modelled, where it is possible at all.
+    The explanation, without open names that stand at a bound in their full fit, or make less than
+    what matters there. Of the others the likeliest is modelled, where it is possible at all.
     """
     if balance:
         accepted = fit_causes(explanation.accepted, balance.effects())
     elif explanation.accepted.rivals:
         accepted = fit_alternatives(explanation.accepted, record)
         # the most probable stand first
-        names = accepted.alternatives
-        likeliest = next((n for n in names if _matters(accepted, n, start, record)), None)
-        if likeliest is None:
-            for name in names:
-                because = "each that is open stands at a bound, or makes less than what matters"
-                record.note(name, Decision("open", False, because))
+        fits = {
+            n: f for n, f in accepted.alternatives.items() if _matters(accepted, n, start, record)
+        }
+        idle = [n for n in accepted.alternatives if n not in fits]
+        for name in idle:
+            because = "at a bound, or makes less than what matters, in its full fit"
+            record.note(name, Decision("open", False, because))
+        if not fits:
             without = explanation.accepted.without_rivals()
             return dataclasses.replace(explanation, accepted=without)
+        rivals = tuple(n for n in accepted.rivals if n not in idle)
+        accepted = dataclasses.replace(accepted, rivals=rivals, alternatives=fits)
         # flights ask for more than what stands at a bound can be: it would not fly as they did
+        likeliest = next(iter(fits))
         if accepted.result.inclusion[likeliest] >= settings.statistics.possible_probability:
-            accepted = dataclasses.replace(accepted, fitted=names[likeliest])
+            accepted = dataclasses.replace(accepted, fitted=fits[likeliest])
     else:
         return explanation
     return explanation_of(accepted, explanation.gusts, start)

@@ -144,7 +144,9 @@ def probable(context: RuleContext, name: str) -> Decision:
     """
     p, best = context.result.inclusion[name], name in context.result.best.names
     least = settings.statistics.acceptance_probability
-    because = f"posterior probability {p:.3g}" + ("" if best else ", not in the best set")
+    because = f"uncalibrated posterior probability {p:.3g}" + (
+        "" if best else ", not in the best set"
+    )
     return Decision("probable", best and p >= least, because, p, least)
 
 
@@ -438,7 +440,7 @@ def practically_significant(
         if share[c] > 0.0:
             percent, channel = 100.0 * share[c], system.main[c]
             because = f"{percent:.2g} % of the whole nearer than the vehicle file in {channel}"
-        passed = bool(share[c] > 0.0 and share[c] >= least[c])
+        passed = bool(share[c] > settings.numerics.small and share[c] >= least[c])
         return Decision(PRACTICAL, passed, because, float(share[c]), float(least[c]))
 
     return {n: decision(n, made) for n, made in contributions(fitted, names, nominal).items()}
