@@ -369,3 +369,13 @@ def test_the_licence_of_the_chart_library_is_on_the_page(content, traces):
     text = text_of(content, traces=traces)
     assert "uPlot, a part of this page under the MIT licence" in text and "Leon Sorokin" in text
     assert "uPlot" not in text_of(content)
+
+
+def test_numbers_that_moved_far_and_that_nothing_accounts_for_are_remarked(content):
+    moved = {"value": -0.55, "ci95": [-0.6, -0.5], "prior_sd": 0.11, "declared_sd": None}
+    near = {"value": 0.02, "ci95": [0.0, 0.04], "prior_sd": 0.01, "declared_sd": 0.01}
+    content["calibration"] = {"thrust_scale.scale": moved, "cg_offset.x_m": near}
+    (remark,) = (r for r in blocks.remarks(content) if "Recalibration moved" in r)
+    assert "moved thrust scale −55 % (5.0 prior sds) farther" in remark and "cg" not in remark
+    content["findings"] = [{**content["findings"][0], "name": "thrust_scale"}]
+    assert not [r for r in blocks.remarks(content) if "Recalibration moved" in r]

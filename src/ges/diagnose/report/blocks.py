@@ -11,9 +11,12 @@ from typing import Any
 
 from ges.diagnose.prepare.channels import least_rms
 from ges.diagnose.settings import settings
+from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
     channel_words,
+    correction_words,
+    key_words,
     list_words,
     number_words,
     percent_words,
@@ -177,7 +180,25 @@ def remarks(content: Mapping[str, Any]) -> list[str]:
                 f" {channel_words(name)} is farther off with the findings:"
                 f" {_stages(name, c, 'recalibrated', 'after')}."
             )
-    return out
+    return [*out, *_far_from_prior(content)]
+
+
+def _far_from_prior(content: Mapping[str, Any]) -> Iterator[str]:
+    """Yield numbers that recalibration moved clearly beyond what was known of them."""
+    calibration, named = content["calibration"], {f["name"] for f in content["findings"]}
+    far = [
+        f"{key_words(key)} {correction_words(ParameterKey.of(key).parameter, c['value'])}"
+        f" ({number_words(sds, 2)} prior sds)"
+        for key, sds in sds_moved(calibration).items()
+        for c in [calibration[key]]
+        if sds > settings.statistics.clear_sds and ParameterKey.of(key).effect not in named
+    ]
+    if far:
+        yield (
+            f"Recalibration moved {list_words(far)} farther than the file, or what is usual, lets"
+            " expect, and nothing named above accounts for it. Check these numbers before you rely"
+            " on the rest."
+        )
 
 
 def _worse_than_recalibrated(table: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

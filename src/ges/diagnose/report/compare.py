@@ -9,11 +9,12 @@ from rich.console import RenderableType, group
 from rich.text import Text
 
 from ges.diagnose.report.page import VERDICTS, environment
-from ges.diagnose.report.sentence import key_words, size_words
+from ges.diagnose.report.sentence import size_words
 from ges.diagnose.report.terminal import table_of
 from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.words import (
     channel_words,
+    key_words,
     number_words,
     percent_words,
     plain,

@@ -17,6 +17,8 @@ from ges.diagnose.types.keys import ParameterKey
 from ges.diagnose.types.model import block_of
 from ges.diagnose.types.words import (
     channel_words,
+    correction_words,
+    key_words,
     list_words,
     number_words,
     percent_words,
@@ -132,7 +134,7 @@ def size_words(f: Mapping[str, Any], content: Mapping[str, Any]) -> str:
     if f["kind"] == "parameter" and f["parameters"]:
         # of several corrections of one effect the largest is reported
         name = max(f["parameters"], key=lambda p: abs(f["parameters"][p]["value"]))
-        return _correction_words(name, f["parameters"][name]["value"])
+        return correction_words(name, f["parameters"][name]["value"])
     if size.get("force_per_speed_N_s_m"):
         return f"{number_words(size['force_per_speed_N_s_m'], 2)} N per m/s"
     if size.get("value") is None:
@@ -232,36 +234,9 @@ def _largest_correction(content: Mapping[str, Any], given: str = "prior_sd") -> 
     value = content["calibration"][key]["value"]
     return (
         f"{key_words(key)}: the flights ask for"
-        f" {_correction_words(ParameterKey.of(key).parameter, value)},"
+        f" {correction_words(ParameterKey.of(key).parameter, value)},"
         f" {number_words(sds, 2)} prior sds"
     )
-
-
-def key_words(key: str) -> str:
-    """Return a number of the calibration in words.
-
-    Parameters
-    ----------
-    key : ``thrust_scale.scale``, which gives *thrust scale*.
-    """
-    effect, parameter = ParameterKey.of(key)
-    words = plain(without_unit(parameter))
-    if effect == "vehicle":
-        return words
-    return plain(effect) if words == "scale" else f"{plain(effect)} {words}"
-
-
-def _correction_words(parameter: str, value: float) -> str:
-    """Return a correction with its sign: a share in percent, else in its own unit.
-
-    Parameters
-    ----------
-    parameter : name of the parameter, without that of its effect.
-    value : in the unit that the name carries.
-    """
-    unit = unit_words(parameter)
-    sign = "+" if value > 0 else ""
-    return f"{sign}{number_words(value, 2)} {unit}" if unit else f"{sign}{percent_words(value)}"
 
 
 def _ambiguous(content: Mapping[str, Any]) -> Iterator[str]:

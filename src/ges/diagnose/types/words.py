@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
+from ges.diagnose.types.keys import ParameterKey
+
 _CHANNELS = {
     "force_x": "force forward",
     "force_y": "force to the left",
@@ -156,6 +158,33 @@ def plain(name: str) -> str:
     name : ``cg_offset+thrust_scale``, which becomes *cg offset with thrust scale*.
     """
     return str(name).replace("_", " ").replace("+", " with ")
+
+
+def key_words(key: str) -> str:
+    """Return a number of the calibration in words.
+
+    Parameters
+    ----------
+    key : ``thrust_scale.scale``, which gives *thrust scale*.
+    """
+    effect, parameter = ParameterKey.of(key)
+    words = plain(without_unit(parameter))
+    if effect == "vehicle":
+        return words
+    return plain(effect) if words == "scale" else f"{plain(effect)} {words}"
+
+
+def correction_words(parameter: str, value: float) -> str:
+    """Return a correction with its sign: a share in percent, else in its own unit.
+
+    Parameters
+    ----------
+    parameter : name of the parameter, without that of its effect.
+    value : in the unit that the name carries.
+    """
+    unit = unit_words(parameter)
+    sign = "+" if value > 0 else ""
+    return f"{sign}{number_words(value, 2)} {unit}" if unit else f"{sign}{percent_words(value)}"
 
 
 def list_words(items: Sequence[str], last: str = "and") -> str:
