@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.metadata
 import io
 import keyword
 import os
 import pkgutil
-import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -96,7 +94,9 @@ def main() -> None:
         module = (error.name or "ges").partition(".")[0]
         if module == "ges":
             raise
-        click.echo(f"ges: {module} is not installed; run pip install '{_brings(module)}'", err=True)
+        from ges.extras import install_command_for
+
+        click.echo(f"ges: {module} is not installed; run {install_command_for(module)}", err=True)
         sys.exit(1)
 
 
@@ -119,13 +119,3 @@ def _interrupts_kept() -> Iterator[None]:
         if interrupts:
             raise click.Abort from error
         raise
-
-
-def _brings(module: str) -> str:
-    """Name what to install for a module: an extra of this package, or the module's own package."""
-    name = {"sklearn": "scikit-learn"}.get(module, module)
-    for requirement in importlib.metadata.requires("ges") or ():
-        extra = re.fullmatch(f"{name}; extra == '(.+)'", requirement)
-        if extra:
-            return f"ges[{extra[1]}]"
-    return name

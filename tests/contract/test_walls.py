@@ -12,7 +12,7 @@ import ges
 
 ROOT = Path(ges.__file__).parent
 FLOORS = (
-    {"__init__", "conventions", "errors", "files", "plain_yaml", "threads"},
+    {"__init__", "conventions", "errors", "extras", "files", "plain_yaml", "threads"},
     {"simulator"},
     {"vehicle"},
     {"recordings"},

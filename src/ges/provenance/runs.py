@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ges.errors import GesError, unknown_name
+from ges.extras import install_command
 from ges.files import sha256, write_json
 from ges.study.config import Study
 
@@ -541,7 +542,7 @@ def export_mlflow(run: Manifest, uri: str, experiment: str) -> str:
     try:
         import mlflow
     except ImportError:
-        raise GesError("MLflow is not installed; uv pip install 'ges[mlflow]' adds it") from None
+        raise GesError(f"MLflow is not installed; {install_command('mlflow')} adds it") from None
     mlflow.set_tracking_uri(uri if "://" in uri else f"sqlite:///{Path(uri).resolve()}")
     mlflow.set_experiment(experiment)
     # a run is its id: asked again, it is not written twice

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from ges.blind.foreign.drone_models import RPM
 from ges.blind.foreign.worlds import ALONE, JAX, environment_of
 from ges.conventions import FAR_FROM_GROUND_M, rotor_speed
+from ges.extras import install_command
 from ges.simulator import flight as sim
 from ges.simulator.parameters import parameters
 from ges.simulator.terrain import Terrain
@@ -121,7 +122,7 @@ class Peer:
         """Return why it cannot be compared here; empty where it can."""
         if importlib.util.find_spec(self.module):
             return ""
-        return f"{self.module} is not installed; pip install 'ges[simulators]'"
+        return f"{self.module} is not installed; {install_command('simulators')}"
 
     def steps_per_s(self, lift: Lift, repeats: int) -> float:
         """Measure the steps of all vehicles together, in a process of its own.

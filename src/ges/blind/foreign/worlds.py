@@ -34,6 +34,7 @@ from ges.blind.foreign import (
 from ges.blind.foreign.sets import NoSet, Place, Sources, check_half, half_of
 from ges.blind.protocol import seal
 from ges.errors import GesError, UsageError, unknown_name
+from ges.extras import install_command
 from ges.files import tree_hash, write_json
 from ges.provenance.sources import PACKAGE, sources
 
@@ -77,7 +78,7 @@ class World:
         """
         lacking = [m for m in self.modules if importlib.util.find_spec(m) is None]
         if lacking:
-            return f"{lacking[0]} is not installed; pip install 'ges[simulators]'"
+            return f"{lacking[0]} is not installed; {install_command('simulators')}"
         folder = self.folder and self.folder(half, places)
         return f"'{folder}' is not there" if folder and not folder.is_dir() else ""
 

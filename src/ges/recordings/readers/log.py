@@ -22,6 +22,7 @@ from ges.conventions import (
     VELOCITY,
 )
 from ges.errors import GesError, UsageError
+from ges.extras import install_command
 
 COLUMNS: Mapping[str, str] = {
     "position": "|".join(POSITION),
@@ -325,7 +326,7 @@ def optional_module(name: str, extra: str, what: str) -> ModuleType:
     except ImportError:
         raise GesError(
             f"{what} are read by {name.split('.')[0].replace('_', '-')}, which is not installed;"
-            f" pip install 'ges[{extra}]' brings it"
+            f" {install_command(extra)} brings it"
         ) from None
 
 
