@@ -189,6 +189,23 @@ def test_a_log_needs_a_vehicle_or_mass_and_propeller(log):
         gather_inputs(Request(sources=[log], mass_kg=1.0), len)
 
 
+@pytest.mark.parametrize("words", [("--wheelbase", "380mm"), ("--arm", "0.19")])
+def test_the_wheelbase_of_a_vehicle_made_from_a_log_is_stated(log, words, monkeypatch):
+    asked = []
+    monkeypatch.setattr("ges.diagnose.run.run", lambda request, *_: asked.append(request) or 1 / 0)
+    told = [str(log), "--mass", "0,5", "--prop", "8in", *words, "--out", str(log.parent / "out")]
+    CliRunner().invoke(verb.command, told)
+    (request,) = asked
+    assert request.mass_kg == 0.5 and request.wheelbase_m == pytest.approx(0.38)
+    given = []
+    monkeypatch.setattr(
+        "ges.diagnose.run.describe_log", lambda *_, **said: given.append(said) or 1 / 0
+    )
+    with pytest.raises(ZeroDivisionError):
+        gather_inputs(request, len)
+    assert given[0]["wheelbase_m"] == request.wheelbase_m
+
+
 def test_names_of_flights_are_told_apart_by_folders(tmp_path):
     a, b = tmp_path / "a" / "log.ulg", tmp_path / "b" / "log.ulg"
     assert flight_names([a, b]) == {"a_log": a, "b_log": b}

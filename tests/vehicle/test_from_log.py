@@ -202,7 +202,7 @@ def test_thrust_that_no_such_propeller_has_is_remarked(flight):
 
 def test_impossible_masses_are_refused(flight):
     for mass in (0.0, -1.0, 1e6, float("nan")):
-        with pytest.raises(UsageError, match="--mass"):
+        with pytest.raises(UsageError, match="allowed is 0.005 to 200 kg"):
             describe_log(Log(flight, parameters=PARAMETERS), mass, PROP)
 
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ges.errors import UsageError
-from ges.vehicle.propeller import Propeller, length_m, thrust_coefficient, thrust_curve
+from ges.vehicle.propeller import Propeller, thrust_coefficient, thrust_curve
 
 
 @pytest.mark.parametrize(
@@ -34,12 +34,6 @@ def test_sizes(size, diameter_m, blades):
 def test_what_is_no_size_says_how_to_write_one(size):
     with pytest.raises(UsageError, match="10in|0.02 to 2 m"):
         Propeller.parse(size)
-
-
-def test_lengths():
-    assert length_m("500mm") == length_m("0.5") == length_m("50cm") == 0.5
-    with pytest.raises(UsageError, match="500mm"):
-        length_m("half a metre")
 
 
 def test_thrust_grows_with_density_diameter_and_blades():

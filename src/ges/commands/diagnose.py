@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from ges.commands import LAYOUT, OPEN, PATH
+from ges.commands import OPEN, PATH, airframe_options, wheelbase_of
 from ges.commands.import_ import MEND, reading_options
 from ges.commands.settings import SET
 from ges.errors import GesError, visible
@@ -31,15 +31,7 @@ SHOWN = ("--open", "--no-open", "--page", "--no-page", "--write-flight")
     metavar="NAME|FILE",
     help="A vehicle of the library, or a vehicle file. Default: the set's, or made from the log.",
 )
-@click.option(
-    "--mass",
-    "mass_kg",
-    type=click.FloatRange(min=0.0, min_open=True),
-    metavar="KG",
-    help="LOG: what was flown, weighed; a vehicle file is made from the log.",
-)
-@click.option("--prop", metavar="SIZE", help="LOG: propellers, as 10in, 10x4.5 or 0.254m.")
-@LAYOUT
+@airframe_options
 @click.option(
     "--holdout",
     multiple=True,
@@ -75,6 +67,8 @@ def command(
     vehicle: str | None,
     mass_kg: float | None,
     prop: str | None,
+    wheelbase_m: float | None,
+    arm_m: float | None,
     layout: str | None,
     holdout: tuple[str, ...],
     kind: str,
@@ -113,6 +107,7 @@ def command(
             vehicle=vehicle,
             mass_kg=mass_kg,
             prop=prop,
+            wheelbase_m=wheelbase_of(wheelbase_m, arm_m),
             layout=layout,
             holdout=holdout,
             options=Options(**reading),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ges.commands import PATH
+from ges.commands import PATH, ParsedType
 from ges.errors import GesError, visible
 
 if TYPE_CHECKING:
@@ -41,7 +41,12 @@ def _show(examined: dict[str, Any], console: Console) -> None:
 @click.argument("logs", nargs=-1, required=True, type=PATH, metavar="LOG...")
 @click.option("--format", "kind", default="auto", show_default=True, help="As of 'ges import'.")
 @click.option("--map", "mapping", help="Column or topic map: a YAML file or a preset's name.")
-@click.option("--pwm", type=(float, float), metavar="LOW HIGH", help="As of 'ges import'.")
+@click.option(
+    "--pwm",
+    type=(ParsedType("parse_number"), ParsedType("parse_number")),
+    metavar="LOW HIGH",
+    help="As of 'ges import'.",
+)
 @click.option("--part", type=click.IntRange(min=1), help="As of 'ges import'.")
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable, a list with one a log.")
 def command(logs: tuple[Path, ...], kind: str, as_json: bool, **reading: Any) -> None:

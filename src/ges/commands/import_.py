@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ges.commands import PATH
+from ges.commands import PATH, ParsedType
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,7 +50,7 @@ READING = (
     ),
     click.option(
         "--pwm",
-        type=(float, float),
+        type=(ParsedType("parse_number"), ParsedType("parse_number")),
         metavar="LOW HIGH",
         help="Motor outputs (us) that mean 0 and 1; default: what the log's parameters say.",
     ),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ges.commands import LAYOUT, PATH
+from ges.commands import PATH, airframe_options, wheelbase_of
 from ges.commands.import_ import read_log, reading_options
 from ges.errors import GesError, UsageError, visible
 
@@ -34,24 +34,7 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 @click.command()
 @click.argument("source", type=PATH, metavar="LOG|MODEL|FILE|NAME")
-@click.option("--mass", "mass_kg", type=float, metavar="KG", help="LOG: what was flown, weighed.")
-@click.option(
-    "--prop",
-    "size",
-    metavar="SIZE",
-    help="Propellers, as 10in, 10x4.5, 5x4.3x3 (inches, inches, blades) or 0.254m.",
-)
-@click.option(
-    "--wheelbase",
-    metavar="LENGTH",
-    help="LOG: distance of opposite motors, as 500mm, where it is known better than the log does.",
-)
-@click.option(
-    "--arm",
-    metavar="LENGTH",
-    help="LOG: distance of a motor from the centre, half of the wheelbase.",
-)
-@LAYOUT
+@airframe_options
 @click.option(
     "--models",
     multiple=True,
@@ -79,9 +62,9 @@ def _listed(context: click.Context, _: click.Parameter, wanted: bool) -> None:
 def command(
     source: Path,
     mass_kg: float | None,
-    size: str | None,
-    wheelbase: str | None,
-    arm: str | None,
+    prop: str | None,
+    wheelbase_m: float | None,
+    arm_m: float | None,
     layout: str | None,
     models: tuple[Path, ...],
     name: str | None,
@@ -102,11 +85,13 @@ def command(
       ges vehicle out/vehicle.fitted.yaml --to sdf > fitted.sdf
       ges vehicle out/vehicle.fitted.yaml --law-as python > law.py
     """
-    from ges.vehicle import formats, load, propeller
+    from ges.vehicle import formats, load
     from ges.vehicle.law_export import law_as
+    from ges.vehicle.propeller import Propeller
 
-    prop = propeller.Propeller.parse(size) if size else None
-    log_only = {"--mass": mass_kg, "--wheelbase": wheelbase, "--arm": arm, "--frame": layout}
+    propellers = Propeller.parse(prop) if prop else None
+    log_only = {"--mass": mass_kg, "--wheelbase": wheelbase_m, "--arm": arm_m, "--frame": layout}
+    wheelbase = wheelbase_of(wheelbase_m, arm_m)
     log_only |= {"--map": reading["mapping"], "--pwm": reading["pwm"]}
     path = load.vehicle_path(source)
     remarks: tuple[str, ...] = ()
@@ -119,9 +104,9 @@ def command(
     else:
         if kind := formats.kind_of(path) if path.is_file() else None:
             _refuse(log_only, f"{path.name} says it")
-            sheet = formats.read_model(path, kind, prop, models)
+            sheet = formats.read_model(path, kind, propellers, models)
         else:
-            sheet = _from_log(path, mass_kg, prop, _wheelbase_m(wheelbase, arm), layout, reading)
+            sheet = _from_log(path, mass_kg, propellers, wheelbase, layout, reading)
         sheet = sheet.renamed(name) if name else sheet
         vehicle, text, remarks = sheet.vehicle, sheet.to_yaml(), sheet.remarks
     if target and language:
@@ -142,17 +127,6 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
     given = [name for name, value in options.items() if value is not None]
     if given:
         raise UsageError(f"{given[0]} is not for this source: {why}")
-
-
-def _wheelbase_m(wheelbase: str | None, arm: str | None) -> float | None:
-    """Distance of opposite motors, as one of both says it."""
-    from ges.vehicle.propeller import length_m
-
-    if wheelbase and arm:
-        raise UsageError("--wheelbase is twice --arm; give one of them")
-    if arm:
-        return 2.0 * length_m(arm)
-    return length_m(wheelbase) if wheelbase else None
 
 
 def _from_log(

@@ -45,6 +45,8 @@ class Request:
         is made from the first.
     mass_kg : mass as flown, for a vehicle made from a log.
     prop : size of the propellers, as ``10x4.5``, for a vehicle made from a log.
+    wheelbase_m : distance of opposite hubs, m, for a vehicle made from a log; by default that of
+        the log or of usual vehicles.
     layout : order and spins of the motors, as ``x`` or ``hexa-x``, where the log lacks them.
     holdout : names of flights that take no part; if empty, :func:`~ges.diagnose.pipeline.diagnose`
         chooses.
@@ -64,6 +66,7 @@ class Request:
     vehicle: str | Path | None = None
     mass_kg: float | None = None
     prop: str | None = None
+    wheelbase_m: float | None = None
     layout: str | None = None
     holdout: Sequence[str] = ()
     options: Options = dataclasses.field(default_factory=Options)
@@ -166,6 +169,7 @@ def gather_inputs(request: Request, watch: Watch) -> Inputs:
 
 def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
     asked = {"mass": request.mass_kg, "prop": request.prop, "layout": request.layout}
+    asked["wheelbase"] = request.wheelbase_m
     asked |= dataclasses.asdict(request.options)
     # an option that would change nothing is a mistake of somebody who expects it to
     for option in (name for name, value in asked.items() if value is not None):
@@ -249,7 +253,14 @@ def _vehicle(
     # all logs are of one vehicle, so any would do
     log = next(log for _, log in logs.values())
     prop = Propeller.parse(request.prop)
-    sheet = describe_log(log, request.mass_kg, prop, layout=request.layout, name=log.name)
+    sheet = describe_log(
+        log,
+        request.mass_kg,
+        prop,
+        layout=request.layout,
+        wheelbase_m=request.wheelbase_m,
+        name=log.name,
+    )
     return sheet.vehicle, {"file": MADE_VEHICLE}, Path("."), sheet.to_yaml(), sheet.remarks
 
 

@@ -22,6 +22,7 @@ from ges.vehicle.datasheet import Datasheet
 from ges.vehicle.drive import Hover, Response, curve_at_hover, hover, response
 from ges.vehicle.file import Estimate, Quantity, parse_vehicle
 from ges.vehicle.layouts import of_rotors
+from ges.vehicle.parsing import require_mass
 from ges.vehicle.propeller import Propeller
 from ges.vehicle.turning import Turning, turning
 
@@ -120,8 +121,7 @@ def describe_log(
     >>> sheet.vehicle.mass_kg
     Quantity(value=1.2, sd=0.012)
     """
-    if not 0.005 <= mass_kg <= 200.0:
-        raise UsageError(f"--mass {mass_kg:g} is no mass from 0.005 to 200 kg")
+    require_mass(mass_kg)
     frame = log.frame()
     seen = turning(frame)
     rotors = _airframe(log, prop, layout, wheelbase_m, seen, rotors_in(frame))

@@ -92,34 +92,6 @@ class Propeller:
         return f"{self.diameter_m / INCH_M:.3g} in{more}"
 
 
-def length_m(text: str) -> float:
-    """Read a length.
-
-    Parameters
-    ----------
-    text : as ``500mm``, ``0.5m`` or ``20in``; a plain number is in metres.
-
-    Returns
-    -------
-    Length, m.
-
-    Raises
-    ------
-    UsageError
-        When it is no length, or none between 2 cm and 5 m.
-
-    Examples
-    --------
-    >>> length_m("500mm")
-    0.5
-    """
-    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(mm|cm|in|m|\"|)", text.strip().lower())
-    metres = float(match[1]) * (UNITS_M[match[2]] if match[2] else 1.0) if match else math.nan
-    if not 0.02 <= metres <= 5.0:
-        raise UsageError(f"'{text}' is no length from 0.02 to 5 m; write it as in 500mm or 0.5m")
-    return metres
-
-
 def thrust_coefficient(propeller: Propeller, rho_kg_m3: float) -> Quantity:
     """Estimate the thrust coefficient from the size of a propeller.
 
