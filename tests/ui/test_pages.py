@@ -86,7 +86,14 @@ def test_a_shipped_vehicle_is_shown(client, dropped, monkeypatch):
         ({"vehicle": "one.csv"}, "is not here"),
         ({"source": "made", "prop": "10in"}, "give both, as in 2.0 kg and 10in"),
         ({"source": "made", "mass": "2.0"}, "give both"),
-        ({"source": "made", "mass": "two", "prop": "10in"}, "mass &#39;two&#39; is no number"),
+        ({"source": "made", "mass": "two", "prop": "10in"}, "mass: &#39;two&#39; is no number"),
+        ({"source": "made", "mass": "2000", "prop": "10in"}, "mass: a vehicle of 2000 kg"),
+        ({"source": "made", "mass": "2", "prop": "banana"}, "propellers: propeller &#39;banana"),
+        ({"source": "made", "mass": "2", "prop": "--out=/x"}, "--out=/x&#39; is no size"),
+        (
+            {"source": "made", "mass": "2", "prop": "10in", "wheelbase": "wide"},
+            "wheelbase: &#39;wide&#39; is no length",
+        ),
         ({"source": "made", "mass": "2", "prop": "10in", "layout": "y"}, "layout &#39;y&#39;"),
         ({"holdout": "three"}, "holdout &#39;three&#39; is not here"),
     ],
@@ -104,6 +111,7 @@ def test_a_form_that_makes_no_sense_is_answered_in_a_sentence(
     ("form", "sentence"),
     [
         ({"pwm_low": "1000"}, "need both"),
+        ({"pwm_low": "low"}, "motor output that means 0: &#39;low&#39; is no number"),
         ({"rotor_order": "1 2 4"}, "names each from 1 on once"),
         ({"rotor_order": "1 2 3 x"}, "is no whole number"),
         ({"part": "-1"}, "is no whole number"),
@@ -119,13 +127,14 @@ def test_what_is_chosen_reaches_the_command_line(client, folder, dropped, ges):
     reading = {"map": "mine.yaml", "pwm_low": "1000", "pwm_high": "2000"}
     client.post(f"{dropped}/reading", data=reading | {"rotor_order": "2 4 1 3", "part": "2"})
     ges("import sys; print('ges: ' + ' '.join(sys.argv[1:]), file=sys.stderr); sys.exit(1)")
-    made = {"source": "made", "mass": "2,5", "prop": "--out=/x", "layout": "x", "holdout": "two"}
+    made = {"source": "made", "mass": "2,5", "prop": "10x4.5", "wheelbase": "500mm"}
+    made |= {"layout": "x", "holdout": "two"}
     address = begun(client, dropped, **made)
     over(client, address)
     words = about(folder, address)["problem"]
     assert words == (
-        "diagnose --no-open --mass=2.5 --prop=--out=/x --frame=x --holdout two --map mine.yaml"
-        " --pwm 1000.0 2000.0 --part 2 --rotor-order 2,4,1,3"
+        "diagnose --no-open --mass=2.5 --prop=10x4.5 --wheelbase=0.5 --frame=x --holdout two"
+        " --map mine.yaml --pwm 1000.0 2000.0 --part 2 --rotor-order 2,4,1,3"
         f" --out ../../..{address}/results -- one.csv two.csv"
     )
 

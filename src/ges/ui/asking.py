@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from starlette.datastructures import FormData
 
 from ges.errors import UsageError
 from ges.recordings.readers.maps import preset_names
 from ges.ui.folder import Logs
-from ges.vehicle import library
+from ges.vehicle import library, parsing
 from ges.vehicle.layouts import LAYOUTS
 
+T = TypeVar("T")
 UNREAD: Mapping[str, Any] = {
     "format": "",
     "autopilot": "",
@@ -50,7 +51,8 @@ def checked_reading(logs: Logs, form: FormData) -> dict[str, Any]:
         When a number is none, or a map is neither shipped nor here.
     """
     # checked here, so that the answer is a sentence about the form and not about an option
-    low, high = _number(form, "pwm_low"), _number(form, "pwm_high")
+    low = _parse_field(form, "pwm_low", "motor output that means 0", parsing.parse_number)
+    high = _parse_field(form, "pwm_high", "motor output that means 1", parsing.parse_number)
     if (low is None) != (high is None):
         raise UsageError("motor outputs need both: what means 0 and what means 1")
     order = [_whole(word) for word in _text(form, "rotor_order").replace(",", " ").split()]
@@ -97,8 +99,8 @@ def vehicle_words(logs: Logs, form: FormData, examined: Sequence[Mapping[str, An
     Parameters
     ----------
     logs : the logs.
-    form : ``source`` is ``made`` for a vehicle from the first log, with ``mass``, ``prop`` and
-        ``layout``; else ``vehicle`` is a name.
+    form : ``source`` is ``made`` for a vehicle from the first log, with ``mass``, ``prop``,
+        ``wheelbase`` and ``layout``; else ``vehicle`` is a name.
     examined : answers of ``ges doctor`` about the logs.
 
     Raises
@@ -164,15 +166,20 @@ def chosen(form: FormData, examined: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _made(form: FormData) -> list[str]:
-    mass_kg, prop = _number(form, "mass"), _text(form, "prop")
-    if mass_kg is None or not prop:
+    # checked here, as the diagnosis may have to wait for others before it reads its options
+    mass_kg = _parse_field(form, "mass", "mass", parsing.parse_mass_kg)
+    prop = _parse_field(form, "prop", "propellers", parsing.require_propeller)
+    wheelbase_m = _parse_field(form, "wheelbase", "wheelbase", parsing.parse_length_m)
+    if mass_kg is None or prop is None:
         raise UsageError(
             "a log does not say what the vehicle weighs and which propellers it has; give both, as"
             " in 2.0 kg and 10in"
         )
     layout = _one_of(form, "layout", ["", *LAYOUTS])
     # with "=": what was typed cannot begin an option of its own
-    return [f"--mass={mass_kg}", f"--prop={prop}", *([f"--frame={layout}"] if layout else [])]
+    words = [f"--mass={mass_kg}", f"--prop={prop}"]
+    words += [] if wheelbase_m is None else [f"--wheelbase={wheelbase_m}"]
+    return [*words, *([f"--frame={layout}"] if layout else [])]
 
 
 def _named(logs: Logs, form: FormData) -> str:
@@ -192,15 +199,13 @@ def _one_of(form: FormData, name: str, allowed: Sequence[str]) -> str:
     return given
 
 
-def _number(form: FormData, name: str) -> float | None:
-    # many keyboards have a decimal comma
-    given = _text(form, name).replace(",", ".")
-    if not given:
-        return None
+def _parse_field(form: FormData, name: str, label: str, read: Callable[[str], T]) -> T | None:
+    """Read a field as the command line does; None where it is empty, its label in an error."""
+    given = _text(form, name)
     try:
-        return float(given)
-    except ValueError:
-        raise UsageError(f"{name.replace('_', ' ')} '{given[:80]}' is no number") from None
+        return read(given) if given else None
+    except UsageError as error:
+        raise UsageError(f"{label}: {error}") from None
 
 
 def _whole(word: str) -> int:
