@@ -44,6 +44,16 @@ def test_doctor_says_what_is_there_what_can_be_told_and_what_to_switch_on(tmp_pa
     assert "cannot be told: " in page.output and "next time, position (not logged)" in page.output
 
 
+def test_doctor_looks_at_the_flights_of_a_recording_set(tmp_path, motion):
+    for name in ("two", "one"):
+        frame = pd.read_csv(_table(tmp_path / "f.csv", motion))
+        frame.to_parquet(tmp_path / f"{name}.parquet")
+    (tmp_path / "vehicle.yaml").write_text("name: mine, yours\n")
+    done = _run("doctor", tmp_path, "--json")
+    assert done.exit_code == 0, done.output
+    assert [f["name"] for f in json.loads(done.stdout)] == ["one.parquet", "two.parquet"]
+
+
 def test_doctor_shows_a_sign_that_is_wrong(tmp_path, motion):
     wrong = dict(motion, omega=motion["omega"] * [-1, 1, 1])
     page = _run("doctor", _table(tmp_path / "f.csv", wrong))

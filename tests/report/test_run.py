@@ -169,6 +169,23 @@ def test_several_logs_are_flights_as_they_are(vehicle, tmp_path):
         gather_inputs(Request(sources=[tmp_path / "empty.parquet"], vehicle="hummingbird"), len)
 
 
+def test_a_folder_without_a_vehicle_file_stands_for_its_logs(vehicle, tmp_path):
+    for k in (2, 1):
+        flown(vehicle, 6.0, k).to_parquet(tmp_path / f"flight{k}.parquet")
+    (tmp_path / "LICENSE").write_text("Copyright, all rights reserved\n")
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG" + bytes(50))
+    (tmp_path / "deeper").mkdir()
+    request = Request(sources=[tmp_path], vehicle="hummingbird")
+    recordings = gather_inputs(request, len).recordings
+    assert [f.name for f in recordings.flights] == ["flight1", "flight2"]
+    (left_out,) = (w for w in recordings.warnings if "left out" in w)
+    assert left_out.startswith("LICENSE was left out: ")
+    with pytest.raises(UsageError, match="give --mass KG and --prop SIZE, or --vehicle"):
+        gather_inputs(Request(sources=[tmp_path]), len)
+    with pytest.raises(GesError, match="deeper holds no flight log, and no vehicle.yaml"):
+        gather_inputs(Request(sources=[tmp_path / "deeper"], vehicle="hummingbird"), len)
+
+
 def test_a_set_keeps_its_vehicle_unless_another_is_named(vehicle, tmp_path):
     write_set(tmp_path, vehicle, {f"f{k}": flown(vehicle, 6.0, k) for k in (1, 2)}.items())
     inputs = gather_inputs(Request(sources=[tmp_path]), len)
@@ -182,6 +199,8 @@ def test_a_set_keeps_its_vehicle_unless_another_is_named(vehicle, tmp_path):
         gather_inputs(Request(sources=[tmp_path], vehicle="x500"), len)
     with pytest.raises(UsageError, match="mass is said of logs"):
         gather_inputs(Request(sources=[tmp_path], mass_kg=1.0), len)
+    with pytest.raises(UsageError, match="format is said of logs"):
+        gather_inputs(Request(sources=[tmp_path], kind="px5"), len)
 
 
 def test_a_log_needs_a_vehicle_or_mass_and_propeller(log):

@@ -83,11 +83,12 @@ def command(
 
     Locates where simulator and flights differ, names what is missing, fits it, and shows the fit
     improve. SET is a folder of 'ges import'; a LOG is read as it is, whatever autopilot wrote it.
+    Any other folder stands for the logs in it.
 
     \b
     Examples:
       ges diagnose flight.ulg --mass 2.0 --prop 10in --out report
-      ges diagnose logs/*.bin --vehicle x500 --out report
+      ges diagnose logs --vehicle x500 --out report
       ges diagnose flights/monday --out reports/monday
     """
     from ges.diagnose.report.drawing import drawing

@@ -38,7 +38,7 @@ def _show(examined: dict[str, Any], console: Console) -> None:
 
 
 @click.command("doctor")
-@click.argument("logs", nargs=-1, required=True, type=PATH, metavar="LOG...")
+@click.argument("logs", nargs=-1, required=True, type=PATH, metavar="LOG|FOLDER...")
 @click.option("--format", "kind", default="auto", show_default=True, help="As of 'ges import'.")
 @click.option("--map", "mapping", help="Column or topic map: a YAML file or a preset's name.")
 @click.option(
@@ -52,16 +52,21 @@ def _show(examined: dict[str, Any], console: Console) -> None:
 def command(logs: tuple[Path, ...], kind: str, as_json: bool, **reading: Any) -> None:
     """Say what is in flight logs, what can be told from them, and what to log next time.
 
-    Example: ges doctor flight.ulg
+    Of a FOLDER, as a recording set is one, the logs in it are read.
+
+    \b
+    Examples:
+      ges doctor flight.ulg
+      ges doctor recordings/example
     """
     from rich.console import Console
 
     from ges.examine import examine
-    from ges.recordings.readers import Options
+    from ges.recordings.readers import Options, find_logs
 
     options, console = Options(**reading), Console()
     examined, unread = [], 0
-    for path in logs:
+    for path in find_logs(logs):
         try:
             examined.append(examine(path, options, kind))
         # the other logs are told of all the same

@@ -223,7 +223,7 @@ def command(
     """
     from ges.errors import visible
     from ges.files import require_folder
-    from ges.recordings.readers import flight_names
+    from ges.recordings.readers import find_logs, flight_names
     from ges.recordings.recording import make_set, write_set
     from ges.vehicle.load import load_vehicle
 
@@ -231,7 +231,7 @@ def command(
     vehicle = load_vehicle(vehicle_path)
     flights: list[tuple[str, pd.DataFrame]] = []
     noticed: dict[str, list[str]] = {}
-    for name, path in flight_names(sources).items():
+    for name, path in flight_names(find_logs(sources)).items():
         log = read_log(path, **reading)
         cut, empty = _without_empty(_parts(name, _within(name, log.frame(), between), parts))
         recordings = make_set(vehicle, cut, mends=mends)

@@ -16,7 +16,7 @@ from ges.diagnose.report.output import write_diagnosis
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError, UsageError
 from ges.files import sha256, tree_hash, write_text
-from ges.recordings.readers import READERS, Log, Options, flight_names, open_log
+from ges.recordings.readers import Log, Options, find_logs, flight_names, is_log, open_log
 from ges.recordings.recording import RecordingSet, load_set, make_set
 from ges.vehicle.file import Vehicle
 from ges.vehicle.from_log import describe_log
@@ -40,7 +40,8 @@ class Request:
 
     Attributes
     ----------
-    sources : folder of one recording set, or flight logs of one vehicle.
+    sources : folder of one recording set, or flight logs of one vehicle. A folder without
+        ``vehicle.yaml`` stands for the logs in it.
     vehicle : path of a vehicle file, or a name of the library. By default a set's own; for logs one
         is made from the first.
     mass_kg : mass as flown, for a vehicle made from a log.
@@ -162,7 +163,7 @@ def gather_inputs(request: Request, watch: Watch) -> Inputs:
     """
     first, *rest = request.sources
     # a folder may be a log itself: a ROS 2 bag is one
-    if not rest and first.is_dir() and not any(r.sniff(b"", first) for r in READERS):
+    if not rest and (first / "vehicle.yaml").exists() and not is_log(first):
         return _of_set(request, first, watch)
     return _of_logs(request, watch)
 
@@ -171,6 +172,7 @@ def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
     asked = {"mass": request.mass_kg, "prop": request.prop, "layout": request.layout}
     asked["wheelbase"] = request.wheelbase_m
     asked |= dataclasses.asdict(request.options)
+    asked["format"] = None if request.kind == "auto" else request.kind
     # an option that would change nothing is a mistake of somebody who expects it to
     for option in (name for name, value in asked.items() if value is not None):
         raise UsageError(
@@ -218,19 +220,27 @@ def _of_logs(request: Request, watch: Watch) -> Inputs:
 def _open_logs(request: Request, watch: Watch) -> tuple[dict[str, tuple[Path, Log]], list[str]]:
     """Return logs by name of their flight with their files, and why others cannot serve."""
     logs, refused = {}, []
-    for name, path in flight_names(request.sources).items():
+    paths = find_logs(request.sources)
+    for name, path in flight_names(paths).items():
         watch(f"reading {path.name}")
-        log = open_log(path, request.options, request.kind)
+        try:
+            log = open_log(path, request.options, request.kind)
+        except GesError as error:
+            # what lies beside the logs of a folder may be no log; what was named has to be one
+            if path in request.sources:
+                raise
+            refused.append(f"{name} was left out: {error}")
+            continue
         problem = log.problem()
         # of many logs a bad one is left out; a single one is all there is
-        if problem and len(request.sources) == 1:
+        if problem and len(paths) == 1:
             raise GesError(f"{path.name}: {problem}")
         if problem:
             refused.append(f"{name} was left out: {problem}")
         else:
             logs[name] = (path, log)
     if not logs:
-        raise GesError(f"none of the {len(request.sources)} logs can serve: {refused[0]}")
+        raise GesError(f"none of the {len(paths)} logs can serve: {refused[0]}")
     return logs, refused
 
 

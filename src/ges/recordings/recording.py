@@ -389,7 +389,8 @@ def load_set(folder: str | Path, least: int = 2, mends: Sequence[str] = ()) -> R
         )
     if not (folder / "vehicle.yaml").exists():
         raise GesError(
-            f"{folder} has no vehicle.yaml; add the vehicle file to make it a recording set"
+            f"{folder} has no vehicle.yaml, as a recording set does; add it, or make a set of logs"
+            " with 'ges import'"
         )
     paths = _tables(folder)
     if len(paths) < least:

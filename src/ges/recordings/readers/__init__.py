@@ -15,7 +15,18 @@ from ges.recordings.readers.px4 import Px4
 from ges.recordings.readers.ros import Ros
 from ges.recordings.readers.table import Table
 
-__all__ = ["READERS", "Log", "Options", "Reader", "Stream", "flight_names", "open_log", "reader_of"]
+__all__ = [
+    "READERS",
+    "Log",
+    "Options",
+    "Reader",
+    "Stream",
+    "find_logs",
+    "flight_names",
+    "is_log",
+    "open_log",
+    "reader_of",
+]
 
 READERS: tuple[Reader, ...] = (
     Px4(),
@@ -105,6 +116,50 @@ def open_log(path: str | Path, options: Options = _NO_OPTIONS, kind: str = "auto
         return reader.read(path, options)
     except OSError as error:
         raise GesError(f"cannot read {path}: {error.strerror or error}") from None
+
+
+def find_logs(sources: Sequence[Path]) -> list[Path]:
+    """Find the logs that paths mean: themselves, or what is in a folder that is no log.
+
+    Parameters
+    ----------
+    sources : files and folders. A ROS 2 bag is a folder and a log; of a recording set the flights
+        are logs.
+
+    Returns
+    -------
+    Paths in the order given, those of a folder sorted by name. Files of no known format are left
+    out there.
+
+    Raises
+    ------
+    GesError
+        When a folder has no log.
+    """
+    logs: list[Path] = []
+    for source in sources:
+        inside = [source] if is_log(source) or not source.is_dir() else _logs_in(source)
+        if not inside:
+            raise GesError(
+                f"the folder {source} holds no flight log, and no vehicle.yaml as a recording set"
+                " does; name the folder that has the logs, or the logs themselves"
+            )
+        logs += inside
+    return logs
+
+
+def _logs_in(folder: Path) -> list[Path]:
+    of_set = (folder / "vehicle.yaml").exists()
+    paths = sorted(folder.glob("[!.]*.parquet" if of_set else "[!.]*"))
+    return [path for path in paths if is_log(path)]
+
+
+def is_log(path: Path) -> bool:
+    """Tell whether a reader knows the first bytes of a file, or the files of a folder."""
+    try:
+        return bool(reader_of(path))
+    except GesError:
+        return False
 
 
 def flight_names(sources: Sequence[Path]) -> dict[str, Path]:
