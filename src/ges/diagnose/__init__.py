@@ -7,8 +7,11 @@ prove, report, calibrate.
 
 from __future__ import annotations
 
+import inspect
 import sys
 import types
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,16 +19,34 @@ if TYPE_CHECKING:
     from ges.diagnose.report.diagnosis import Diagnosis
     from ges.vehicle.file import Vehicle
 
+OF_LOGS = ("mass_kg", "prop", "wheelbase_m", "layout")
+"""Fields of a request that ``ges.diagnose`` takes beside the path of a log."""
+
 
 class _Package(types.ModuleType):
-    """The package can be called like the function it is named after."""
+    # The package can be called, and read about, like the function it is named after.
 
-    def __call__(
-        self, recordings: Recordings, vehicle: Vehicle | None = None, **options: Any
-    ) -> Diagnosis:
+    @property
+    def __doc__(self) -> str:  # type: ignore[override]
         from ges.diagnose.pipeline import diagnose
 
-        return diagnose(recordings, vehicle, **options)
+        return inspect.getdoc(diagnose) or ""
+
+    def __call__(
+        self,
+        recordings: Recordings | str | Path | Sequence[str | Path],
+        vehicle: Vehicle | str | Path | None = None,
+        **options: Any,
+    ) -> Diagnosis:
+        from ges.diagnose.pipeline import diagnose
+        from ges.diagnose.run import Request, gather_inputs
+
+        given: Any = [recordings] if isinstance(recordings, str | Path) else recordings
+        if isinstance(given, Sequence) and given and all(isinstance(p, str | Path) for p in given):
+            of_logs = {name: options.pop(name) for name in OF_LOGS if name in options}
+            request = Request([Path(path) for path in given], vehicle, **of_logs)
+            given, vehicle = gather_inputs(request).recordings, None
+        return diagnose(given, vehicle, **options)
 
 
 sys.modules[__name__].__class__ = _Package

@@ -36,11 +36,11 @@ Watch = Callable[[str, Any], object]
 @blas_alone
 def diagnose(
     recordings: Recordings,
-    vehicle: Vehicle | None = None,
+    vehicle: Vehicle | str | Path | None = None,
     *,
-    holdout: Sequence[str] | None = None,
+    holdout: str | Sequence[str] | None = None,
     folder: Path | str = ".",
-    names: Sequence[str] | None = None,
+    names: str | Sequence[str] | None = None,
     watch: Watch = lambda step, results: None,
 ) -> Diagnosis:
     """Find what a simulator lacks, from recorded flights.
@@ -51,10 +51,12 @@ def diagnose(
     ----------
     recordings : a recording set, or flights as tables with the columns of
         :class:`~ges.recordings.recording.RecordingSet`. A mapping gives tables names.
-    vehicle : the vehicle file; needed for tables, and for a set in place of its own.
-    holdout : names of flights that take no part in fitting or choosing. By default a hash of the
-        recorded numbers chooses one flight in four, and at least one of two.
-    folder : folder of the height map that ``vehicle`` names.
+        ``ges.diagnose`` also takes the path of a set, of a log, or a list of logs.
+    vehicle : the vehicle, the path of its file or its name in the library. Needed for tables, and
+        for a set in place of its own.
+    holdout : name or names of flights that take no part in fitting or choosing. By default a hash
+        of the recorded numbers chooses one flight in four, and at least one of two.
+    folder : folder of the height map that ``vehicle`` names, where it is not a path.
     names : effects to fit instead of searching: what could be reached if the causes were known. A
         name that the flights cannot show is left out.
     watch : called as ``watch(step, results)`` when a step ends. Steps are ``"located"`` with the
@@ -88,6 +90,7 @@ def diagnose(
     Diagnosis(physics: rotor_drag, ground_effect)
     """
     record = DecisionLog()
+    names = [names] if isinstance(names, str) else names
     for name in names or ():
         effect_table.get(name)
 

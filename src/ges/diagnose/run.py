@@ -42,8 +42,8 @@ class Request:
     ----------
     sources : folder of one recording set, or flight logs of one vehicle. A folder without
         ``vehicle.yaml`` stands for the logs in it.
-    vehicle : path of a vehicle file, or a name of the library. By default a set's own; for logs one
-        is made from the first.
+    vehicle : path of a vehicle file, a name of the library, or a vehicle. By default a set's own;
+        for logs one is made from the first.
     mass_kg : mass as flown, for a vehicle made from a log.
     prop : size of the propellers, as ``10x4.5``, for a vehicle made from a log.
     wheelbase_m : distance of opposite hubs, m, for a vehicle made from a log; by default that of
@@ -64,7 +64,7 @@ class Request:
     """
 
     sources: Sequence[Path]
-    vehicle: str | Path | None = None
+    vehicle: Vehicle | str | Path | None = None
     mass_kg: float | None = None
     prop: str | None = None
     wheelbase_m: float | None = None
@@ -148,7 +148,7 @@ def run(
     return diagnosis
 
 
-def gather_inputs(request: Request, watch: Watch) -> Inputs:
+def gather_inputs(request: Request, watch: Watch = len) -> Inputs:
     """Read and check the flights of a request; a single log is cut into several.
 
     Parameters
@@ -181,13 +181,14 @@ def _of_set(request: Request, folder: Path, watch: Watch) -> Inputs:
         )
     watch(f"reading {folder}")
     recordings, path = load_set(folder, mends=request.mends), folder / "vehicle.yaml"
+    vehicle_file = {"file": path.name, "sha256": sha256(path)}
     if request.vehicle:
-        path = vehicle_path(request.vehicle)
+        vehicle, vehicle_file, place = _given_vehicle(request.vehicle)
         # checked anew: so far it was against the set's own vehicle
         named = [(f.name, f.frame) for f in recordings.flights]
-        recordings = make_set(load_vehicle(request.vehicle), named, path.parent)
+        recordings = make_set(vehicle, named, place)
     hashes = {f.name: sha256(folder / f"{f.name}.parquet") for f in recordings.flights}
-    return Inputs(recordings, hashes, {"file": path.name, "sha256": sha256(path)})
+    return Inputs(recordings, hashes, vehicle_file)
 
 
 def _of_logs(request: Request, watch: Watch) -> Inputs:
@@ -252,9 +253,7 @@ def _vehicle(
     For one made from the first log also its text and remarks.
     """
     if request.vehicle:
-        path = vehicle_path(request.vehicle)
-        vehicle = load_vehicle(request.vehicle)
-        return vehicle, {"file": path.name, "sha256": sha256(path)}, path.parent, "", ()
+        return *_given_vehicle(request.vehicle), "", ()
     if request.mass_kg is None or request.prop is None:
         raise UsageError(
             "a log does not say what the vehicle weighs and what propellers it has; give --mass KG"
@@ -272,6 +271,14 @@ def _vehicle(
         name=log.name,
     )
     return sheet.vehicle, {"file": MADE_VEHICLE}, Path("."), sheet.to_yaml(), sheet.remarks
+
+
+def _given_vehicle(given: Vehicle | str | Path) -> tuple[Vehicle, dict[str, str], Path]:
+    """Return a vehicle, its file and hash, and the folder of its height map."""
+    if isinstance(given, Vehicle):
+        return given, {"file": given.name}, Path(".")
+    path = vehicle_path(given)
+    return load_vehicle(path), {"file": path.name, "sha256": sha256(path)}, path.parent
 
 
 def _hash(path: Path) -> str:

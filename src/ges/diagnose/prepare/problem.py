@@ -13,9 +13,10 @@ from ges.diagnose.prepare.align import Prepared
 from ges.diagnose.prepare.gate import Gate, pass_gate, with_flown_voltage
 from ges.diagnose.prepare.split import digest, split
 from ges.diagnose.types.model import Model, from_vehicle
-from ges.errors import GesError, unknown_name
+from ges.errors import GesError, UsageError, unknown_name
 from ges.recordings.recording import RecordingSet, make_set, require_drive
 from ges.vehicle.file import Vehicle
+from ges.vehicle.load import load_vehicle, vehicle_path
 
 Recordings = RecordingSet | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame]
 """What can be diagnosed: a set, or flights by name or in a row, with contract columns."""
@@ -70,8 +71,8 @@ class Problem:
 
 def pose_problem(
     recordings: Recordings,
-    vehicle: Vehicle | None,
-    holdout: Sequence[str] | None,
+    vehicle: Vehicle | str | Path | None,
+    holdout: str | Sequence[str] | None,
     folder: Path | str,
 ) -> Problem:
     """Align the flights, remove delays and offsets, and divide them.
@@ -79,8 +80,8 @@ def pose_problem(
     Parameters
     ----------
     recordings : a recording set, or tables with contract columns.
-    vehicle : taken from a recording set where not given.
-    holdout : names of the flights to hold out; None lets :func:`split` choose.
+    vehicle : or its path or name in the library; taken from a recording set where not given.
+    holdout : names of the flights to hold out, or one name; None lets :func:`split` choose.
     folder : where a height map of the vehicle file lies.
 
     Raises
@@ -115,23 +116,51 @@ def pose_problem(
     )
 
 
-def _as_set(recordings: Recordings, vehicle: Vehicle | None, folder: Path | str) -> RecordingSet:
+def _as_set(
+    recordings: Recordings, vehicle: Vehicle | str | Path | None, folder: Path | str
+) -> RecordingSet:
+    if isinstance(vehicle, str | Path):
+        folder = vehicle_path(vehicle).parent
+        vehicle = load_vehicle(vehicle)
+    if not isinstance(vehicle, Vehicle | None):
+        raise UsageError(
+            f"the vehicle is of type {type(vehicle).__name__}; allowed is a Vehicle, the path of a"
+            " vehicle file or a name of the library, so load it with ges.vehicle.load_vehicle"
+        )
     if isinstance(recordings, RecordingSet):
         if vehicle is None:
             return recordings
         return make_set(vehicle, [(f.name, f.frame) for f in recordings.flights], folder)
+    named = _named_tables(recordings)
     if vehicle is None:
         raise GesError(
             "no vehicle given; pass one (ges.vehicle.load_vehicle) or a recording set that has one"
         )
+    return make_set(vehicle, named, folder)
+
+
+def _named_tables(recordings: Recordings) -> list[tuple[str, pd.DataFrame]]:
+    """List tables with the names of a mapping, or with numbers."""
     if isinstance(recordings, Mapping):
-        return make_set(vehicle, recordings.items(), folder)
-    return make_set(vehicle, [(f"flight{i}", f) for i, f in enumerate(recordings, 1)], folder)
+        named = list(recordings.items())
+    elif isinstance(recordings, Sequence):
+        named = [(f"flight{i}", frame) for i, frame in enumerate(recordings, 1)]
+    else:
+        named = [("", recordings)]
+    wrong = [frame for name, frame in named if not (name and isinstance(frame, pd.DataFrame))]
+    if wrong:
+        raise UsageError(
+            f"recordings hold a {type(wrong[0]).__name__}; allowed are a recording set"
+            " (ges.recordings.recording.load_set) and tables in a list or by name, and"
+            " ges.diagnose takes the path of a set or of logs, too"
+        )
+    return named
 
 
-def _indices(holdout: Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
+def _indices(holdout: str | Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
     if holdout is None:
         return None
+    holdout = [holdout] if isinstance(holdout, str) else holdout
     for name in holdout:
         if name not in names:
             raise unknown_name("flight", name, names)
