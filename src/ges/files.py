@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import hashlib
 import json
 import os
 import shutil
+import tempfile
 import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -111,7 +113,7 @@ def require_file(path: Path) -> None:
 
 
 def require_folder(path: Path) -> None:
-    """Check that a folder can be written into, without making it.
+    """Check that a folder can be written into, without making it or leaving a file.
 
     It is called before long work, whose result would otherwise be lost.
 
@@ -122,14 +124,19 @@ def require_folder(path: Path) -> None:
     Raises
     ------
     GesError
-        When the folder, or its nearest existing parent, is a file or is not writable.
+        When the folder, or its nearest existing parent, is a file or takes no file.
     """
     there = next(p for p in (path, *path.absolute().parents) if p.exists())
     reason = ""
     if not there.is_dir():
         reason = "it is a file" if there == path else f"{there} is a file"
-    elif not os.access(there, os.W_OK):
-        reason = "permission denied"
+    else:
+        # tried: some file systems refuse what their permissions allow
+        try:
+            with tempfile.TemporaryFile(dir=there):
+                pass
+        except OSError as error:
+            reason = f"{os.strerror(error.errno or errno.EIO)} in {there}"
     if reason:
         raise GesError(f"cannot write into the folder {path}: {reason}; name another")
 

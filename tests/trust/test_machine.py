@@ -145,6 +145,9 @@ def test_a_file_that_cannot_be_written_is_said_before_the_work(tmp_path, words):
         assert why in one_sentence(run(*words, *option, place, cwd=tmp_path))
 
 
+REFUSED = "(Permission denied|Read-only file system)"
+
+
 @pytest.fixture
 def read_only(tmp_path):
     """A folder that nobody may write into; root may, unless its file system is read-only."""
@@ -161,10 +164,21 @@ def read_only(tmp_path):
 
 def test_a_folder_that_is_read_only_is_said(read_only):
     for place, check in (("out", require_folder), ("flight.parquet", require_file)):
-        with pytest.raises(GesError, match="permission denied; name another"):
+        with pytest.raises(GesError, match=f"{REFUSED} in .*fixed; name another"):
             check(read_only / place)
     said = one_sentence(run("diagnose", "missing", "--out", read_only / "out"))
-    assert said.endswith("permission denied; name another")
+    assert said.endswith("fixed; name another")
+
+
+def test_a_file_system_that_takes_no_file_is_said_before_the_work():
+    """Root may write by the permissions of /proc, and cannot."""
+    said = one_sentence(run("diagnose", "missing", "--out", "/proc/xx"))
+    assert "cannot write into the folder /proc/xx: " in said and said.endswith("name another")
+
+
+def test_a_check_of_a_folder_leaves_nothing(tmp_path):
+    require_folder(tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_diagnosis_does_not_go_into_a_recording_set(small):
