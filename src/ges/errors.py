@@ -69,7 +69,7 @@ class UsageError(GesError):
     exit_code = 2
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
+def unknown_name(kind: str, name: str, known: Iterable[str], lister: str = "") -> UsageError:
     """Build the error for a name that does not exist.
 
     Parameters
@@ -77,12 +77,15 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UsageError:
     kind : what the name should name, for the message.
     name : the name given.
     known : all names that exist.
+    lister : command that lists them, for names that are too many for a sentence.
 
     Returns
     -------
-    The error, with the nearest known name where one is near, else with all of them.
+    The error, with the nearest known name where one is near, else with all of them or the lister.
     """
     known = sorted(known)
     near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean '{near[0]}'?" if near else "known: " + ", ".join(known)
+    hints = [f"did you mean '{near[0]}'?"] if near else []
+    hints += [f"'{lister}' lists all that are known"] if lister else []
+    hint = " ".join(hints) or "known: " + ", ".join(known)
     return UsageError(f"unknown {kind} '{name}'; {hint}")

@@ -949,7 +949,7 @@ def _with(base: Settings, overrides: Mapping[str, Any]) -> Settings:
     known = {key: about for key, _, about in setting_rows(base)}
     for key, value in overrides.items():
         if key not in known:
-            raise unknown_name("setting", key, known)
+            raise unknown_name("setting", key, known, "ges settings")
         stage, name = key.split(".")
         numbers = getattr(base, stage)
         read = _read(key, value, get_type_hints(type(numbers))[name], known[key])
