@@ -16,7 +16,7 @@ from types import FrameType
 import click
 
 from ges import __version__, commands
-from ges.errors import GesError
+from ges.errors import GesError, unknown_name
 from ges.files import require_text
 
 INTERRUPTED = 130
@@ -42,6 +42,15 @@ class LazyGroup(click.Group):
             return None
         module = name + "_" if keyword.iskeyword(name) else name
         return importlib.import_module(f"ges.commands.{module}").command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that was typed; an unknown one is told the nearest."""
+        known, typed = self.list_commands(ctx), args[0]
+        if typed not in known and not typed.startswith("-") and not ctx.resilient_parsing:
+            raise unknown_name("command", typed, known)
+        return super().resolve_command(ctx, args)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

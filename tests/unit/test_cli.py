@@ -53,7 +53,8 @@ def test_help_waits_for_no_package_that_it_does_not_need():
 @pytest.mark.parametrize(
     ("words", "code", "sentence"),
     [
-        (["nonsense"], 2, "No such command"),
+        (["diagnoze"], 2, "unknown command 'diagnoze'; did you mean 'diagnose'?"),
+        (["nonsense"], 2, "unknown command 'nonsense'; known: bench, blind, "),
         (["effects", "rotor_drg"], 2, "did you mean 'rotor_drag'?"),
         (
             ["simulate", "missing.yaml", "--out", "x.parquet"],
