@@ -73,6 +73,12 @@ def test_keys_of_other_versions_are_kept_and_missing_ones_are_empty(content, tmp
     assert read["findings"][0]["title"] == "" and read["origin"]["vehicle"]["name"] == ""
 
 
+def test_another_file_than_the_diagnosis_says_which_to_give(tmp_path):
+    (tmp_path / "report.html").write_text("<html></html>")
+    with pytest.raises(GesError, match="report.html is no diagnosis; give the folder .*json"):
+        load_diagnosis(tmp_path / "report.html")
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -205,6 +205,11 @@ def load_diagnosis(folder: str | Path) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
+        if path.suffix != ".json":
+            raise GesError(
+                f"{path} is no diagnosis; give the folder that 'ges diagnose --out' wrote, or its"
+                " diagnosis.json"
+            ) from None
         raise GesError(f"{path} is not JSON: {error}; diagnose the flights again") from None
     try:
         saved = _Saved.model_validate(content)
