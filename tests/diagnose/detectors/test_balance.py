@@ -159,6 +159,21 @@ def test_the_variance_of_a_mean_is_that_of_blocks_of_time():
         assert variance_of_means(system, [0])[0] == pytest.approx(expected, rel=0.3)
 
 
+@pytest.mark.filterwarnings("error")
+def test_flights_of_a_single_block_have_no_balance_to_shift():
+    system = _system(0.15 * _columns()[0])
+    short = [
+        rows_of(
+            r.y[:4], [{c: np.full(4, v) for c, v in enumerate(column)} for column in _columns()]
+        )
+        for r in system.flights
+    ]
+    system = dataclasses.replace(system, flights=tuple(short))
+    assert np.isnan(variance_of_means(system, range(4))).all()
+    assert balance_shift(system) is None
+    assert all(cause.distance_explained == 0.0 for pair in causes_of(system) for cause in pair)
+
+
 def _shift(loss=30.0, mass=28.0, effects=None, seen=True):
     model = Model(NUMBERS, effects=effects or {})
     system = system_of(CHANNELS, (), (), model)

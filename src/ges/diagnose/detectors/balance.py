@@ -65,13 +65,16 @@ def variance_of_means(system: System, channels: Sequence[int]) -> np.ndarray:
 
     Returns
     -------
-    (c,) mean over the flights, in the squared units of the channels.
+    (c,) mean over the flights, in the squared units of the channels; nan where none has two blocks.
     """
     # windows stand half a length apart
     block = block_windows(0.5 * system.flights[0].windows.length_s)
-    return np.nanmean(
-        [[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights], axis=0
+    variances = np.array(
+        [[_mean_variance(e, block) for e in r.in_air(channels).T] for r in system.flights]
     )
+    known = np.isfinite(variances)
+    total, count = np.where(known, variances, 0.0).sum(axis=0), known.sum(axis=0)
+    return np.divide(total, count, out=np.full(len(channels), np.nan), where=count > 0)
 
 
 @dataclasses.dataclass(frozen=True)
