@@ -275,6 +275,15 @@ def test_curves_of_both_models_are_drawn_over_the_recorded_bins():
     assert np.all(lines[words.stage_words("recalibrated")].get_ydata() == 0.0)
 
 
+@pytest.mark.filterwarnings("error")
+def test_bins_of_a_single_block_have_means_and_no_interval():
+    x, y = np.linspace(0.5, 4.0, 60), np.linspace(-1.0, 2.0, 60)
+    block = np.zeros(60, dtype=int)
+    axis = pictures.residual_against(x, y, {"after": y}, block, "x", "y").axes[0]
+    low, high = axis.get_ylim()
+    assert low <= y[:5].mean() and high >= y[-5:].mean()
+
+
 def test_rollout_lines_are_rms_over_the_starts():
     rng, t = np.random.default_rng(3), np.linspace(0.1, 1.0, 10)
     e = {
