@@ -225,3 +225,13 @@ def test_rows_as_fast_as_the_grid_are_taken_as_they_are_however_their_times_roun
         flight = regrid(frame, grid_step_s(frame))
         read = np.interp(flight.t_s, t_s, values)
         np.testing.assert_array_equal(flight.columns["p_z_m"], read)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_quaternion_of_zeros_is_no_attitude():
+    """An estimator that has not begun, and one that never does."""
+    attitude = {name: np.where(T < 1.0, 0.0, float(k == 0)) for k, name in enumerate(QUATERNION)}
+    flight = regrid(_frame(**attitude), 0.01)
+    np.testing.assert_array_equal(flight.columns["q_w"], 1.0)
+    none = regrid(_frame(p_z_m=T, **dict.fromkeys(QUATERNION, np.zeros(len(T)))), 0.01)
+    assert not none.has("attitude") and "p_z_m" in none.columns

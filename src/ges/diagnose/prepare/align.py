@@ -280,9 +280,10 @@ def _grid_means(
     return points
 
 
-def _one_sign(q: np.ndarray) -> np.ndarray:
-    """Return quaternions without sign changes along the flight."""
-    q = q.copy()
+def _as_attitudes(q: np.ndarray) -> np.ndarray:
+    """Return quaternions without sign changes along the flight, NaN where all four are zero."""
+    # an estimator that has not begun writes zeros, which are no attitude
+    q = np.where((q == 0.0).all(axis=1, keepdims=True), np.nan, q)
     finite = np.flatnonzero(np.isfinite(q).all(axis=1))
     # q and -q are one attitude: a line between them would pass through attitudes never flown
     flips = np.cumprod(np.where((q[finite][1:] * q[finite][:-1]).sum(axis=1) < 0, -1.0, 1.0))
@@ -348,7 +349,9 @@ def regrid(frame: pd.DataFrame, step_s: float, index: int = 0) -> Prepared:
             groups = [list(names)] if len(_present(frame, names)) == len(names) else []
         for group in groups:
             values = frame[group].to_numpy(dtype=float)
-            values = _one_sign(values) if stream == "attitude" else values
+            values = _as_attitudes(values) if stream == "attitude" else values
+            if not np.isfinite(values).all(axis=1).any():
+                continue
             on_grid, every = _regrid(t_s, values, grid, mean_s)
             columns.update(zip(group, on_grid.T, strict=True))
             # the slowest axis sets the update time; one that stands still shows none
