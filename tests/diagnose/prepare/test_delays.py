@@ -92,6 +92,7 @@ def test_flights_that_agree_by_luck_know_no_more_than_their_noise_lets_them():
     assert np.mean(errors**2) < 2.0 and np.abs(errors).max() < 3.0
 
 
+@pytest.mark.filterwarnings("error")
 def test_what_does_not_move_tells_no_delay():
     assert pose_delay([hovering(DURATION_S)]) is None
     assert pose_delay([]) is None

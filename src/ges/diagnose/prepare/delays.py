@@ -117,6 +117,9 @@ def _least_sd_s(sums: np.ndarray, lags_s: np.ndarray) -> float:
     """
     products, squares, power, free = sums
     i = int(np.clip(np.argmax(products), 1, len(lags_s) - 2))
+    # what does not move says nothing of when it moved
+    if not squares[i] > 0.0:
+        return math.inf
     gain = products[i] / squares[i]
     # of the correlation the curvature at its peak is -g sum(b'^2)
     bend = products[i - 1] - 2.0 * products[i] + products[i + 1]
