@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ges.diagnose.library.requirements import unmet_requirement
+from ges.diagnose.library.requirements import unmet_reference, unmet_requirement
 from ges.diagnose.prepare.align import grid_step_s, regrid
 from ges.diagnose.prepare.gate import with_thrust_direction
 from ges.diagnose.types.model import Model
@@ -53,7 +53,8 @@ def examine(path: Path, options: Options, kind: str = "auto") -> dict[str, Any]:
     - ``streams``: name, source, rate_hz, from_s, to_s and columns of each.
     - ``agreement``: correlation and ratio of quantities that two streams measure.
     - ``fault``: a likely error of units or axes, in one sentence; '' if there is none.
-    - ``can_tell``: effects whose streams were logged.
+    - ``can_tell``: effects whose streams were logged. Which sizes of them the flights show, a
+      diagnosis says.
     - ``cannot_tell``: what each of the other effects lacks.
     - ``switch_on``: by stream, how to log it or log it faster.
     - ``notes``: remarks of the reader.
@@ -137,7 +138,7 @@ def _effects(frame: pd.DataFrame, unusable: Mapping[str, str]) -> tuple[list[str
     for name, effect in effects.table().items():
         if effect.modifies:
             continue
-        needs = unmet_requirement(name, [flight], Model({}))
+        needs = unmet_requirement(name, [flight], Model({})) or unmet_reference(name, [flight])
         if needs:
             why = {reason: None for column, reason in unusable.items() if column in needs}
             cannot[name] = "; ".join([needs, *why])
@@ -167,7 +168,7 @@ def sentences(report: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if not report["usable"]:
         yield f"cannot be diagnosed: {report['problem']}", "red"
     if report["can_tell"]:
-        yield f"can be told: {', '.join(report['can_tell'])}", "green"
+        yield f"can be told if large enough: {', '.join(report['can_tell'])}", "green"
     reasons: dict[str, list[str]] = {}
     for name, why in report["cannot_tell"].items():
         reasons.setdefault(why, []).append(name)

@@ -40,8 +40,21 @@ def test_doctor_says_what_is_there_what_can_be_told_and_what_to_switch_on(tmp_pa
     assert found["switch_on"]["rotor_speed"].startswith("not logged: columns rotor_speed_1")
     assert not set(found["can_tell"]) & set(found["cannot_tell"])
     page = _run("doctor", path)
-    assert page.exit_code == 0 and "can be told: " in page.output
+    assert page.exit_code == 0 and "can be told if large enough: " in page.output
     assert "cannot be told: " in page.output and "next time, position (not logged)" in page.output
+
+
+def test_doctor_and_the_diagnosis_ask_for_the_same_references(tmp_path, motion):
+    path = _table(tmp_path / "f.csv", motion)
+    (found,) = json.loads(_run("doctor", path, "--json").stdout)
+    assert "references that the controller followed" in found["cannot_tell"]["inertia"]
+    frame = pd.read_csv(path)
+    frame[[f"p_ref_{a}_m" for a in "xyz"]] = motion["p"]
+    frame[[f"v_ref_{a}_m_s" for a in "xyz"]] = motion["v"]
+    frame["yaw_ref_rad"] = 0.0
+    frame.to_csv(path, index=False)
+    (found,) = json.loads(_run("doctor", path, "--json").stdout)
+    assert "inertia" in found["can_tell"]
 
 
 def test_doctor_looks_at_the_flights_of_a_recording_set(tmp_path, motion):
@@ -68,7 +81,7 @@ def test_doctor_goes_on_behind_a_log_that_cannot_be_read(tmp_path, motion, monke
     good = _table(tmp_path / "f.csv", motion)
     result = _run("doctor", tmp_path / "bad", good)
     assert result.exit_code == 1 and "no flight log that is known" in result.output
-    assert "can be told: " in result.output
+    assert "can be told if large enough: " in result.output
     logs = json.loads(_run("doctor", tmp_path / "bad", good, "--json").stdout)
     assert [log["usable"] for log in logs] == [False, True]
     monkeypatch.setattr("sys.argv", ["ges", "doctor", str(tmp_path / "bad")])

@@ -129,6 +129,31 @@ def first_unmet(needs: Iterable[str], flights: Flights, model: Model) -> str:
     return next((r.message for r in requirements if not r.is_met(flights, model)), "")
 
 
+def unmet_reference(name: str, flights: Flights) -> str:
+    """Return why flights without references cannot show an effect that a controller mimics.
+
+    Parameters
+    ----------
+    name : of the effect.
+    flights : prepared recordings.
+
+    Returns
+    -------
+    ``needs ...``; '' where nothing is missing.
+
+    Notes
+    -----
+    In closed loop only references, as instruments, explain a controller's motion.
+    """
+    dynamic = effect_table.get(name).feedback == "dynamic"
+    if not dynamic or any(f.has("reference") for f in flights):
+        return ""
+    return (
+        "needs the references that the controller followed; its responses to disturbances look"
+        " like this effect"
+    )
+
+
 def untestable_drags(flights: Flights, model: Model) -> dict[str, str]:
     """Return the drags that these flights cannot show, each with what would have to be logged.
 

@@ -14,7 +14,7 @@ from ges.diagnose.detectors.gusts import GUSTS, shows_moving_air
 from ges.diagnose.estimate.joint import JointFit
 from ges.diagnose.library.candidates import flight_envelope, place_of
 from ges.diagnose.library.grids import out_of_reach
-from ges.diagnose.library.requirements import candidates_of, unmet_requirement
+from ges.diagnose.library.requirements import candidates_of, unmet_reference, unmet_requirement
 from ges.diagnose.locate.regimes import (
     located_by_findings,
     located_by_open_names,
@@ -148,16 +148,11 @@ def not_tested(system: System, fitted: Model) -> dict[str, str]:
                 )
                 or "these flights do not excite it"
             )
-    # in closed loop only references, as instruments, explain a controller's motion
-    references = any(f.has("reference") for f in flights)
     # what was named for all that has been tested
     named = fitted.effects.keys() - system.model.effects.keys()
-    dynamic = {n for n in searched - named if effect_table.get(n).feedback == "dynamic"}
-    for name in sorted(dynamic) if not references else ():
-        reasons[name] = (
-            "needs the references that the controller followed; its responses to disturbances look"
-            " like this effect"
-        )
+    for name in sorted(searched - named):
+        if why := unmet_reference(name, flights):
+            reasons[name] = why
     return reasons
 
 
