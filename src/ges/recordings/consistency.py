@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,11 @@ _LEAST_UPRIGHT = 0.2
 # a pair never agrees better than clocks and filters let it
 _LEAST_MISFIT = 1e-3
 _TURNS = ("roll", "pitch", "yaw")
+SENSES = "spin"
+"""Of rotation of the rotors, by name among the columns that pairs are computed from."""
+
+Columns = Mapping[str, np.ndarray]
+Pairs = Iterator[tuple[str, np.ndarray, np.ndarray]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,27 +56,66 @@ class Agreement:
     rms: float
 
 
-Reading = tuple[Sequence[int], float]
-
-
 @dataclasses.dataclass(frozen=True)
 class PairFit:
-    """How much of two quantities that should be equal does not agree.
+    """How much of two quantities does not agree that physics makes equal or proportional.
 
     Attributes
     ----------
-    misfit : power of the difference over the sum of both powers, about their means. 0 where they
-        are equal, 1 where they have nothing in common, 2 where they are opposite.
+    misfit : share of the power of either that the other does not explain, 1 - max(0, c)^2. c is
+        twice the mean product of both over the sum of their powers, about their means. Where a
+        factor between them is free it is their correlation. The misfit is 0 for equals, 1 for
+        strangers or opposites.
     windows : number of independent windows, by the width of the smoothing.
+    columns : names of what both are computed from; :data:`SENSES` is in the vehicle file.
     """
 
     misfit: float
     windows: float
+    columns: frozenset[str]
 
     @property
     def log_likelihood(self) -> float:
-        """Log likelihood of the pair, with its noise at the most likely value: -(n/2) log m."""
+        """Log likelihood over that of strangers, noise at its most likely value: -(n/2) log m."""
         return -0.5 * self.windows * float(np.log(max(self.misfit, _LEAST_MISFIT)))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Tie:
+    """Quantities that physics ties to one another.
+
+    Attributes
+    ----------
+    names : both quantities in words, for each component.
+    streams : columns that they are computed from.
+    sides : function of the streams on a grid, each (t, k), to both quantities, each (t, n).
+    step_s, smooth_s : step of the grid and width of the smoothing.
+    free : whether a factor between them is not known.
+    """
+
+    names: Sequence[str]
+    streams: tuple[tuple[str, ...], ...]
+    sides: Callable[..., tuple[np.ndarray, np.ndarray]]
+    step_s: float = _STEP_S
+    smooth_s: float = _SMOOTH_S
+    free: bool = False
+
+    @property
+    def columns(self) -> frozenset[str]:
+        return frozenset(c for stream in self.streams for c in stream)
+
+    def pairs(self, frame: Columns) -> Pairs:
+        """Smooth both of each pair about their means, where they have samples and motion."""
+        grid = _grid(frame, self.step_s)
+        if grid is None:
+            return
+        a, b = self.sides(*(_on(grid, frame, stream) for stream in self.streams))
+        for what, x, y in zip(self.names, a.T, b.T, strict=True):
+            both = np.isfinite(x) & np.isfinite(y)
+            if both.sum() >= _FEWEST:
+                x, y = (_smooth(side, both, self.smooth_s / self.step_s) for side in (x, y))
+                if min(np.std(x), np.std(y)) >= _STILL:
+                    yield what, x, y
 
 
 def agreements(frame: pd.DataFrame) -> list[Agreement]:
@@ -94,169 +138,160 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
     - acceleration of the velocity and the specific force in the world, dv/dt = R f - g e_z;
     - specific force along the thrust axis and squared rotor speeds, or commands.
     """
-    grid = _grid(frame)
-    if grid is None:
-        return []
-    pairs = {**_kinematic_pairs(grid, frame), **_thrust_pair(grid, frame)}
     return [
         Agreement(what, float(np.corrcoef(a, b)[0, 1]), float(a @ b / (b @ b)), float(np.std(b)))
-        for what, (a, b) in _smoothed(pairs).items()
+        for tie in (*_kinematic_ties(frame), *_thrust_ties(frame))
+        for what, a, b in tie.pairs(frame)
     ]
 
 
-def kinematic_fits(frame: pd.DataFrame) -> dict[str, PairFit]:
-    """Measure how well quantities that kinematics makes equal are equal.
+def pair_fits(
+    frame: Columns, rotors: Mapping[str, np.ndarray], among: Collection[str] | None = None
+) -> Iterator[tuple[str, PairFit]]:
+    """Measure how well quantities agree that physics makes equal or proportional.
 
     Parameters
     ----------
     frame : table (n rows) with ``t_s`` and contract columns.
+    rotors : ``x_m``, ``y_m``, ``spin`` (n_rotors,) of the vehicle; empty where not known.
+    among : what a pair has to be computed from, in part; None for every pair.
 
-    Returns
-    -------
-    Fits by the pair in words: those of :func:`agreements` without the thrust. Without an
-    accelerometer the horizontal acceleration is compared with the tilt, dv/dt = g (R e_z)_xy / (R
-    e_z)_z.
+    Yields
+    ------
+    The pair in words, and its fit; pairs that were not logged or do not move are left out.
+
+    Notes
+    -----
+    The pairs are:
+
+    - those of :func:`agreements` without the thrust. Without an accelerometer the horizontal
+      acceleration is compared with the tilt, dv/dt = g (R e_z)_xy / (R e_z)_z;
+    - commands and squared rotor speeds, each over the mean of all rotors;
+    - angular acceleration and sum_i (y_i, -x_i, -spin_i) s_i. s are the squared speeds, or the
+      commands where no speeds were logged.
+
+    A factor between the two of a pair is free where motors are in it, but not below zero.
     """
-    grid = _grid(frame)
-    if grid is None:
-        return {}
-    windows = _windows(frame, _STEP_S, _SMOOTH_S)
-    return {
-        what: PairFit(float(np.sum((a - b) ** 2) / (a @ a + b @ b)), len(a) * windows)
-        for what, (a, b) in _smoothed(_kinematic_pairs(grid, frame)).items()
-    }
+    for tie in (*_kinematic_ties(frame), *_drive_ties(frame), *_mixer_ties(frame, rotors)):
+        columns = tie.columns | {"t_s"} | ({SENSES} if tie.free and rotors else set())
+        if among is None or not columns.isdisjoint(among):
+            window = _windows(frame, tie.step_s, tie.smooth_s)
+            for what, a, b in tie.pairs(frame):
+                power = np.sqrt((a @ a) * (b @ b)) if tie.free else 0.5 * (a @ a + b @ b)
+                misfit = 1.0 - max(0.0, float(a @ b / power)) ** 2
+                yield what, PairFit(misfit, len(a) * window, columns)
 
 
-def _windows(frame: pd.DataFrame, step_s: float, smooth_s: float) -> float:
+def _windows(frame: Columns, step_s: float, smooth_s: float) -> float:
     """Count independent windows in a sample of the grid; none is shorter than smoothing or row."""
     # width of a box that averages noise as the smoothing does
     box_s = 2.0 * np.sqrt(np.pi) * smooth_s
     return step_s / max(box_s, float(np.median(np.diff(frame["t_s"]))))
 
 
-def mixer_fits(
-    frame: pd.DataFrame, rotors: Mapping[str, np.ndarray], readings: Sequence[Reading]
-) -> list[dict[str, PairFit]]:
-    """Measure how well the angular acceleration follows what unlike rotors ask for.
-
-    Parameters
-    ----------
-    frame : table (n rows) with ``t_s`` and contract columns.
-    rotors : ``x_m``, ``y_m``, ``spin`` (n_rotors,) of the vehicle; empty where not known.
-    readings : ways to read the motors' columns: rotor of each column, from 0, and a factor on
-        ``spin``.
-
-    Returns
-    -------
-    For each reading the fits by axis; empty where the log does not show them.
-
-    Notes
-    -----
-    Moments are proportional to sum_i (y_i, -x_i, -spin_i) s_i. s are the squared speeds, or the
-    commands where no speeds were logged. The factor of each axis is fitted, not below zero.
-    """
-    grid = _grid(frame, _FAST_STEP_S)
-    turning = None if grid is None else _turning(grid, frame)
-    push = None if grid is None else _push(grid, frame)
-    if turning is None or push is None or push[1].shape[1] != len(rotors.get("x_m", ())):
-        return [{} for _ in readings]
-    share = push[1] - push[1].mean(axis=1, keepdims=True)
-    speeding = np.gradient(turning, _FAST_STEP_S, axis=0)
-    both = np.isfinite(np.hstack([speeding, share])).all(axis=1)
-    if both.sum() < _FEWEST:
-        return [{} for _ in readings]
-    width = _FAST_SMOOTH_S / _FAST_STEP_S
-    speeding, share = _smooth(speeding, both, width), _smooth(share, both, width)
-    windows = len(share) * _windows(frame, _FAST_STEP_S, _FAST_SMOOTH_S)
-    by_reading = []
-    for order, sense in readings:
-        place = list(order)
-        arms = [rotors["y_m"], -rotors["x_m"], -sense * rotors["spin"]]
-        fits = {}
-        for axis, arm, turned in zip(_TURNS, arms, speeding.T, strict=True):
-            asked = share @ arm[place]
-            if min(np.std(asked), np.std(turned)) >= _STILL:
-                r = max(0.0, float(np.corrcoef(asked, turned)[0, 1]))
-                fits[f"mixer in {axis}"] = PairFit(1.0 - r**2, windows)
-        by_reading.append(fits)
-    return by_reading
-
-
-def _grid(frame: pd.DataFrame, step_s: float = _STEP_S) -> np.ndarray | None:
+def _grid(frame: Columns, step_s: float = _STEP_S) -> np.ndarray | None:
     """Make even times of a flight; None where it is too short, or too long for its rows."""
-    t_s = frame["t_s"].to_numpy(dtype=float)
+    t_s = np.asarray(frame["t_s"], dtype=float)
     if len(t_s) < 2 or t_s[-1] - t_s[0] > _LONGEST_GAP_S * len(t_s):
         return None
     grid = np.arange(t_s[0], t_s[-1], step_s)
     return grid if len(grid) >= _FEWEST else None
 
 
-Pairs = dict[str, tuple[np.ndarray, np.ndarray]]
+def _kinematic_ties(frame: Columns) -> Iterator[_Tie]:
+    turning = [f"{c} and the turning of the attitude" for c in BODY_RATE]
+    yield from _logged(frame, _Tie(turning, (BODY_RATE, QUATERNION), _turning_sides))
+    if all(c in frame for c in SPECIFIC_FORCE):
+        speeding = [f"d({c})/dt and the accelerometer" for c in VELOCITY]
+        streams: tuple[tuple[str, ...], ...] = (VELOCITY, QUATERNION, SPECIFIC_FORCE)
+        yield from _logged(frame, _Tie(speeding, streams, _speeding_sides))
+    else:
+        tilting = [f"d({c})/dt and the tilt" for c in VELOCITY[:2]]
+        yield from _logged(frame, _Tie(tilting, (VELOCITY, QUATERNION), _tilting_sides))
+    moving = [f"d({p})/dt and {v}" for p, v in zip(POSITION, VELOCITY, strict=True)]
+    yield from _logged(frame, _Tie(moving, (POSITION, VELOCITY), _moving_sides))
 
 
-def _kinematic_pairs(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
-    has = {
-        names: all(n in frame for n in names)
-        for names in (POSITION, VELOCITY, QUATERNION, BODY_RATE, SPECIFIC_FORCE)
-    }
-    value = {names: _on(grid, frame, names) for names, logged in has.items() if logged}
-    pairs: Pairs = {}
-    if has[QUATERNION]:
-        turned, valid = _attitude(value[QUATERNION])
-        if has[BODY_RATE]:
-            turning = _rates(turned, valid, _STEP_S)
-            pairs |= _paired(
-                "{} and the turning of the attitude", BODY_RATE, value[BODY_RATE], turning
-            )
-        if has[VELOCITY]:
-            speeding = np.gradient(value[VELOCITY], _STEP_S, axis=0)
-            if has[SPECIFIC_FORCE]:
-                force = np.where(np.isfinite(value[SPECIFIC_FORCE]), value[SPECIFIC_FORCE], 0.0)
-                # dv/dt = R f - g e_z
-                world = turned.apply(force) - [0.0, 0.0, GRAVITY_M_S2]
-                world[~(valid & np.isfinite(value[SPECIFIC_FORCE]).all(axis=1))] = np.nan
-                what = "d({})/dt and the accelerometer"
-                pairs |= _paired(what, VELOCITY, speeding, world)
-            else:
-                axis = turned.apply([0.0, 0.0, 1.0])
-                axis[~valid] = np.nan
-                tilt = GRAVITY_M_S2 * axis[:, :2] / np.maximum(axis[:, 2:], _LEAST_UPRIGHT)
-                pairs |= _paired("d({})/dt and the tilt", VELOCITY[:2], speeding, tilt)
-    if has[POSITION] and has[VELOCITY]:
-        moving = np.gradient(value[POSITION], _STEP_S, axis=0)
-        pairs |= {
-            f"d({p})/dt and {v}": (moving[:, k], value[VELOCITY][:, k])
-            for k, (p, v) in enumerate(zip(POSITION, VELOCITY, strict=True))
-        }
-    return pairs
+def _logged(frame: Columns, tie: _Tie) -> Iterator[_Tie]:
+    if all(c in frame for c in tie.columns):
+        yield tie
 
 
-def _thrust_pair(grid: np.ndarray, frame: pd.DataFrame) -> Pairs:
-    push = _push(grid, frame)
-    if push is None or not all(n in frame for n in SPECIFIC_FORCE):
-        return {}
-    name, of_rotors = push
-    along_thrust = _on(grid, frame, SPECIFIC_FORCE)[:, 2]
-    return {f"acc_z_m_s2 and {name}": (along_thrust, of_rotors.sum(axis=1))}
+def _turning_sides(rate: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return rate, _rates(*_attitude(q), _STEP_S)
 
 
-def _push(grid: np.ndarray, frame: pd.DataFrame) -> tuple[str, np.ndarray] | None:
-    """Give what goes with the thrust of every rotor: its name and values (t, n)."""
+def _speeding_sides(
+    velocity: np.ndarray, q: np.ndarray, force: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    turned, valid = _attitude(q)
+    # dv/dt = R f - g e_z
+    world = turned.apply(np.where(np.isfinite(force), force, 0.0)) - [0.0, 0.0, GRAVITY_M_S2]
+    world[~(valid & np.isfinite(force).all(axis=1))] = np.nan
+    return np.gradient(velocity, _STEP_S, axis=0), world
+
+
+def _tilting_sides(velocity: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    turned, valid = _attitude(q)
+    axis = turned.apply([0.0, 0.0, 1.0])
+    axis[~valid] = np.nan
+    tilt = GRAVITY_M_S2 * axis[:, :2] / np.maximum(axis[:, 2:], _LEAST_UPRIGHT)
+    return np.gradient(velocity[:, :2], _STEP_S, axis=0), tilt
+
+
+def _moving_sides(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.gradient(position, _STEP_S, axis=0), velocity
+
+
+def _thrust_ties(frame: Columns) -> Iterator[_Tie]:
+    name, columns, power = _push(frame)
+
+    def sides(force: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return force[:, 2:], (push**power).sum(axis=1, keepdims=True)
+
+    if columns:
+        yield from _logged(
+            frame, _Tie([f"acc_z_m_s2 and {name}"], (SPECIFIC_FORCE, columns), sides)
+        )
+
+
+def _drive_ties(frame: Columns) -> Iterator[_Tie]:
+    commands, speeds = commands_in(frame), rotor_speeds_in(frame)
+    if len(commands) == len(speeds) > 0:
+        names = [f"{u} and {w}" for u, w in zip(commands, speeds, strict=True)]
+        yield _Tie(names, (commands, speeds), _drive_sides, free=True)
+
+
+def _drive_sides(commands: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return _shares(commands), _shares(speeds**2)
+
+
+def _mixer_ties(frame: Columns, rotors: Mapping[str, np.ndarray]) -> Iterator[_Tie]:
+    _, columns, power = _push(frame)
+    logged = [s for s in (BODY_RATE, QUATERNION) if all(c in frame for c in s)]
+    if not logged or not columns or len(columns) != len(rotors.get("x_m", ())):
+        return
+    arms = np.stack([rotors["y_m"], -rotors["x_m"], -rotors["spin"]], axis=1)
+
+    def sides(turned: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rates = turned if logged[0] == BODY_RATE else _rates(*_attitude(turned), _FAST_STEP_S)
+        return np.gradient(rates, _FAST_STEP_S, axis=0), _shares(push**power) @ arms
+
+    names = [f"mixer in {axis}" for axis in _TURNS]
+    yield _Tie(names, (logged[0], columns), sides, _FAST_STEP_S, _FAST_SMOOTH_S, free=True)
+
+
+def _push(frame: Columns) -> tuple[str, tuple[str, ...], int]:
+    """Name what goes with the thrust of every rotor, its columns (none if not logged) and power."""
     # speeds first: thrust goes with their square, whatever the drive does
     if speeds := rotor_speeds_in(frame):
-        return "squared rotor speeds", _on(grid, frame, speeds) ** 2
-    if commands := commands_in(frame):
-        return "commands", _on(grid, frame, commands)
-    return None
+        return "squared rotor speeds", speeds, 2
+    return "commands", commands_in(frame), 1
 
 
-def _turning(grid: np.ndarray, frame: pd.DataFrame) -> np.ndarray | None:
-    """Give body rates (t, 3) as logged, or as the attitude turns."""
-    if all(n in frame for n in BODY_RATE):
-        return _on(grid, frame, BODY_RATE)
-    if all(n in frame for n in QUATERNION):
-        return _rates(*_attitude(_on(grid, frame, QUATERNION)), _FAST_STEP_S)
-    return None
+def _shares(values: np.ndarray) -> np.ndarray:
+    """Compute what every motor has over the mean of all, (t, n)."""
+    return values - values.mean(axis=1, keepdims=True)
 
 
 def _attitude(q: np.ndarray) -> tuple[Rotation, np.ndarray]:
@@ -276,11 +311,11 @@ def _rates(turned: Rotation, valid: np.ndarray, step_s: float) -> np.ndarray:
     return turning
 
 
-def _on(grid: np.ndarray, frame: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
+def _on(grid: np.ndarray, frame: Columns, names: tuple[str, ...]) -> np.ndarray:
     """Interpolate columns (n, k) on the grid between their own samples; NaN in gaps."""
-    t_s, out = frame["t_s"].to_numpy(dtype=float), np.full((len(grid), len(names)), np.nan)
+    t_s, out = np.asarray(frame["t_s"], dtype=float), np.full((len(grid), len(names)), np.nan)
     for k, name in enumerate(names):
-        values = frame[name].to_numpy(dtype=float)
+        values = np.asarray(frame[name], dtype=float)
         finite = np.isfinite(values)
         t = t_s[finite]
         if len(t) > 1:
@@ -291,29 +326,10 @@ def _on(grid: np.ndarray, frame: pd.DataFrame, names: tuple[str, ...]) -> np.nda
     return out
 
 
-def _paired(what: str, names: tuple[str, ...], columns: np.ndarray, other: np.ndarray) -> Pairs:
-    return {what.format(name): (columns[:, k], other[:, k]) for k, name in enumerate(names)}
-
-
-def _smoothed(pairs: Pairs) -> Pairs:
-    """Smooth both of each pair about their means; pairs without samples or motion are left out."""
-    smoothed: Pairs = {}
-    for what, (a, b) in pairs.items():
-        both = np.isfinite(a) & np.isfinite(b)
-        if both.sum() < _FEWEST:
-            continue
-        a, b = (_smooth(x, both, _SMOOTH_S / _STEP_S) for x in (a, b))
-        if min(np.std(a), np.std(b)) >= _STILL:
-            smoothed[what] = a, b
-    return smoothed
-
-
 def _smooth(values: np.ndarray, valid: np.ndarray, width: float) -> np.ndarray:
-    """Smooth valid values (t,) or (t, n) over ``width`` samples, about their means."""
+    """Smooth valid values (t,) over ``width`` samples, about their mean."""
     steps = np.arange(len(values))
     # gaps are bridged for the filter alone; only what is there is compared
-    whole = np.apply_along_axis(
-        lambda column: np.interp(steps, steps[valid], column[valid]), 0, values
-    )
-    smooth = gaussian_filter1d(whole, width, axis=0)[valid]
-    return smooth - smooth.mean(axis=0)
+    whole = np.interp(steps, steps[valid], values[valid])
+    smooth = gaussian_filter1d(whole, width)[valid]
+    return smooth - smooth.mean()

@@ -2,16 +2,18 @@
 
 Kinematics ties the streams of a rigid body to one another, whatever flies. Body rates are the
 turning of the attitude. The accelerometer turned into the world is the acceleration. Velocity is
-the derivative of position. Unlike rotors turn the vehicle about the axes of its mixer. Every fault
-of :func:`faults` is a hypothesis on the columns, judged by how well the corrected columns fit one
-another.
+the derivative of position. Rotor speeds follow their commands. Unlike rotors turn the vehicle about
+the axes of its mixer. Every fault of :func:`faults` is a hypothesis on the columns, judged by how
+well the corrected columns fit one another.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,26 +29,28 @@ from ges.conventions import (
     command,
     rotor_speed,
 )
-from ges.recordings.consistency import PairFit, Reading, kinematic_fits, mixer_fits
+from ges.recordings.consistency import SENSES, Columns, PairFit, pair_fits
 from ges.vehicle.file import Vehicle
 
 PRIOR_ODDS = 1e-3
-"""Of any fault against the log as it is told."""
+"""Of a fault at all against the log as it is told; all faults have the same share."""
 MOST_PERMUTED = 4
-"""Motors whose every order is tried: 8 would have 40,320."""
+"""Motors whose every order is tried: 8 would have 40,320; of more any two are exchanged."""
 ALIKE_NATS = 3.0
 """Within which two faults explain the log alike."""
-AGREED_MISFIT = 0.3
-"""Below which two streams say the same; a factor of two between them is beyond."""
 REFUTED_NATS = 20.0
 """By which a fault has to be worse than the log as it is told, so that no flight is asked more."""
+AGREED_MISFIT = 0.3
+"""Below which streams say the same, and that a fault may leave of the misfit of such streams."""
 LARGEST_MISFIT = 0.8
-"""Of what a fault mends: beyond it the mended columns do not fit each other either."""
+"""That a fault may leave of the misfit of other streams: more does not explain it."""
 MOST_FLIGHTS, LONGEST_S, FEWEST_ROWS = 6, 60.0, 3000
 """That are looked at: all of a set are told alike, from beginning to end."""
 
 
-Fits = Mapping[tuple[int, str], PairFit]
+Fits = dict[tuple[int, str], PairFit]
+Reading = Mapping[str, tuple[str, float]]
+"""Of a column: the one that holds it, and a factor."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,65 +61,148 @@ class Fault:
     ----------
     name : name of the option that corrects it; '' where the vehicle file is to be corrected.
     what : the fault in words.
-    mend : function from the table (n rows) to the table as it should have been.
-    motors : of a fault of the motors alone, the rotor of each column and the factor on the vehicle
-        file's senses of rotation; else None.
+    reading : columns that have to be read otherwise.
+    senses : factor on the vehicle file's senses of rotation.
     """
 
     name: str
     what: str
-    mend: Callable[[pd.DataFrame], pd.DataFrame]
-    motors: Reading | None = None
+    reading: Reading
+    senses: float = 1.0
+
+    def mend(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Correct a table.
+
+        Parameters
+        ----------
+        frame : table (n rows) of a flight.
+
+        Returns
+        -------
+        The table as it should have been.
+        """
+        return frame.assign(**self.read(frame))
+
+    def read(self, told: Mapping[str, Any] | pd.DataFrame) -> dict[str, Any]:
+        """Compute the columns that have to be read otherwise.
+
+        Parameters
+        ----------
+        told : columns by name, as they were logged.
+
+        Returns
+        -------
+        These columns as they should have been.
+        """
+        return {c: by * told[held] for c, (held, by) in self.reading.items() if held in told}
+
+    def changes(self, logged: Collection[str]) -> Reading:
+        """List what is read otherwise in a log, with the senses of rotation as one of its columns.
+
+        Parameters
+        ----------
+        logged : names of its columns.
+
+        Returns
+        -------
+        Of each column that changes: the one that holds it, and a factor.
+        """
+        every = {**self.reading, SENSES: (SENSES, self.senses)}
+        seen = {*logged, SENSES}
+        return {c: of for c, of in every.items() if of[0] in seen and of != (c, 1.0)}
 
 
-def _scaled(columns: Sequence[str], factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        return frame.assign(**{c: factor * frame[c] for c in columns if c in frame})
-
-    return mend
+def _scaled(columns: Sequence[str], factor: float) -> Reading:
+    return {c: (c, factor) for c in columns}
 
 
-def _renamed(
-    columns: Sequence[str], names: Sequence[str]
-) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    """Read the column ``columns[i]`` as ``names[i]``."""
-
-    def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        pairs = zip(columns, names, strict=True)
-        return frame.assign(**{there: frame[c] for c, there in pairs if c in frame})
-
-    return mend
-
-
-def _axes(columns: Sequence[str], axes: str) -> tuple[str, ...]:
-    return tuple(c for c, a in zip(columns, "xyz", strict=True) if a in axes)
-
-
-def _signs() -> Iterator[Fault]:
-    # single axes are turned over by hand, the others by a change of frame or of convention
-    streams = {
-        "gyro": (BODY_RATE, ("x", "y", "z", "yz", "xyz")),
-        "accelerometer": (SPECIFIC_FORCE, ("yz", "xyz")),
-        "velocity": (VELOCITY, ("z", "yz")),
-        "position": (POSITION, ("z", "yz")),
+def _ordered(
+    streams: Sequence[Sequence[str]], order: Sequence[int], minus: Collection[int] = ()
+) -> Reading:
+    """Read column i of each stream as ``order[i]``; those of ``minus`` have the other sign."""
+    return {
+        columns[k]: (held, -1.0 if k in minus else 1.0)
+        for columns in streams
+        for k, held in zip(order, columns, strict=True)
     }
-    for stream, (columns, turned_over) in streams.items():
-        for axes in turned_over:
-            part = _axes(columns, axes)
-            yield Fault(
-                f"{stream}-minus-{axes}",
-                f"{' and '.join(part)} {'has' if len(part) == 1 else 'have'} the other sign",
-                _scaled(part, -1.0),
-            )
-    world = (POSITION, VELOCITY, POSITION_REF, VELOCITY_REF)
-    for axes, frame in (("yz", "forward-right-down or north-east-down"), ("z", "down")):
-        turned = [c for stream in world for c in _axes(stream, axes)]
-        yield Fault(
-            f"world-minus-{axes}",
-            f"{' and '.join(axes)} of position, velocity and their references have the other sign,"
-            f" as in a log that was half converted from {frame}",
-            _scaled(turned, -1.0),
-        )
+
+
+_VECTORS = {
+    "gyro": ("the body rates stand", (BODY_RATE,)),
+    "accelerometer": ("the accelerometer stands", (SPECIFIC_FORCE,)),
+    "velocity": ("the velocity stands", (VELOCITY,)),
+    "position": ("the position stands", (POSITION,)),
+    "imu": ("gyro and accelerometer stand", (BODY_RATE, SPECIFIC_FORCE)),
+    "world": (
+        "position, velocity and their references stand",
+        (POSITION, VELOCITY, POSITION_REF, VELOCITY_REF),
+    ),
+}
+# what a reading is when its cause is known: the name of its option, and words
+_CAUSES = {
+    "world-minus-yz": (
+        "world-minus-yz",
+        "y and z of position, velocity and their references have the other sign, as in a log that"
+        " was half converted from forward-right-down or north-east-down",
+    ),
+    "world-minus-z": (
+        "world-minus-z",
+        "z of position, velocity and their references has the other sign, as in a log that was half"
+        " converted from down",
+    ),
+    "quaternion-minus-xyz": (
+        "quaternion-inverse",
+        "the quaternion turns from the world into the body",
+    ),
+    "quaternion-minus-yz": (
+        "quaternion-ned",
+        "the attitude is of forward-right-down axes in north-east-down",
+    ),
+}
+
+
+def _axes() -> Iterator[Fault]:
+    """List every order of a stream's axes with every sign of each."""
+    for name, (stand, streams) in _VECTORS.items():
+        for order in itertools.permutations(range(3)):
+            for minus in _subsets(range(3)):
+                yield from _reoriented(name, stand, streams, "xyz", order, minus)
+    # an order with signs is a quaternion of another frame; the sign of the whole says nothing
+    stated, stand = (0, 1, 2, 3), "the quaternion stands"
+    orders = [(order, ()) for order in itertools.permutations(stated)]
+    signs = [(stated, minus) for minus in _subsets(stated[1:])]
+    for order, minus in (*orders, *signs):
+        yield from _reoriented("quaternion", stand, (QUATERNION,), "wxyz", order, minus)
+
+
+def _subsets(of: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    for count in range(len(of) + 1):
+        yield from itertools.combinations(of, count)
+
+
+def _reoriented(
+    name: str,
+    stand: str,
+    streams: Sequence[Sequence[str]],
+    axes: str,
+    order: Sequence[int],
+    minus: Sequence[int],
+) -> Iterator[Fault]:
+    """Make the fault that axes stand in another order or have another sign; none if neither."""
+    what = []
+    if list(order) != sorted(order):
+        held = [axes[k] for k in order]
+        name = f"{name}-{''.join(held)}"
+        what.append(f"{stand} in the order {', '.join(held)}")
+    if minus:
+        turned = [axes[k] for k in minus]
+        name = f"{name}-minus-{''.join(turned)}"
+        alone = len(streams) == 1
+        parts = " and ".join(streams[0][k] for k in minus) if alone else " and ".join(turned)
+        of = "" if alone else f" of {stand.rsplit(' ', 1)[0]}"
+        what.append(f"{parts}{of} {'has' if len(minus) == 1 else 'have'} the other sign")
+    if what:
+        yield Fault(*_CAUSES.get(name, (name, " and ".join(what))), _ordered(streams, order, minus))
 
 
 def _units() -> Iterator[Fault]:
@@ -134,52 +221,34 @@ def _units() -> Iterator[Fault]:
         yield Fault(name, what, _scaled(columns, factor))
 
 
-def _attitudes() -> Iterator[Fault]:
-    yield Fault(
-        "quaternion-xyzw",
-        "the quaternion stands in the order x, y, z, w",
-        _renamed(QUATERNION, (*QUATERNION[1:], QUATERNION[0])),
-    )
-    yield Fault(
-        "quaternion-inverse",
-        "the quaternion turns from the world into the body",
-        _scaled(QUATERNION[1:], -1.0),
-    )
-    yield Fault(
-        "quaternion-ned",
-        "the attitude is of forward-right-down axes in north-east-down",
-        _scaled(QUATERNION[2:], -1.0),
-    )
-
-
 def _motors(n_rotors: int) -> Iterator[Fault]:
-    stated = tuple(range(n_rotors))
-    wrong_way = "the vehicle file has the senses of all rotors the wrong way round"
-    yield Fault("", wrong_way, lambda frame: frame, (stated, -1.0))
-    orders = itertools.permutations(stated) if n_rotors <= MOST_PERMUTED else ()
-    for order in orders:
-        if order == stated:
-            continue
+    yield Fault("", "the vehicle file has the senses of all rotors the wrong way round", {}, -1.0)
+    speeds, commands = rotor_speed(n_rotors), command(n_rotors)
+    families = {
+        "motors": ("commands and rotor speeds are", (speeds, commands)),
+        "commands": ("the commands are", (commands,)),
+        "rotor-speeds": ("the rotor speeds are", (speeds,)),
+    }
+    for order in _orders(n_rotors):
         motors = [str(i + 1) for i in order]
-        yield Fault(
-            f"motors-{''.join(motors)}",
-            "commands and rotor speeds are in another order, columns 1 to"
-            f" {n_rotors} of the vehicle file's rotors {' '.join(motors)}",
-            _reordered(order),
-            (order, 1.0),
-        )
+        for name, (they_are, streams) in families.items():
+            yield Fault(
+                f"{name}-{('' if n_rotors < 10 else '-').join(motors)}",
+                f"{they_are} in another order, columns 1 to {n_rotors} of the vehicle file's rotors"
+                f" {' '.join(motors)}",
+                _ordered(streams, order),
+            )
 
 
-def _reordered(order: Sequence[int]) -> Callable[[pd.DataFrame], pd.DataFrame]:
-    n = len(order)
-    streams = [(each, [each[i] for i in order]) for each in (rotor_speed(n), command(n))]
-
-    def mend(frame: pd.DataFrame) -> pd.DataFrame:
-        for columns, names in streams:
-            frame = _renamed(columns, names)(frame)
-        return frame
-
-    return mend
+def _orders(n_rotors: int) -> Iterator[tuple[int, ...]]:
+    """List orders but the stated one: all of few rotors, of more those with two exchanged."""
+    stated = tuple(range(n_rotors))
+    if n_rotors <= MOST_PERMUTED:
+        yield from itertools.islice(itertools.permutations(stated), 1, None)
+        return
+    for i, k in itertools.combinations(stated, 2):
+        swapped = {i: k, k: i}
+        yield tuple(swapped.get(j, j) for j in stated)
 
 
 def faults(n_rotors: int = 4) -> dict[str, Fault]:
@@ -198,7 +267,7 @@ def faults(n_rotors: int = 4) -> dict[str, Fault]:
     >>> faults()["gyro-deg"].what
     'the body rates are in deg/s'
     """
-    every = (*_attitudes(), *_units(), *_signs(), *_motors(n_rotors))
+    every = (*_axes(), *_units(), *_motors(n_rotors))
     return {f.name: f for f in every}
 
 
@@ -219,78 +288,99 @@ def find_faults(
 
     Notes
     -----
-    The likelihood of a reading is that of the misfits of its pairs, each of unknown noise: log p =
-    -sum_k (n_k / 2) log m_k. n_k is the number of independent windows of pair k, m_k the share of
-    its power that does not agree.
+    All faults compete in one model, whichever streams they concern. The likelihood of a reading is
+    that of the misfits of its pairs, each of unknown noise: log p = -sum_k (n_k / 2) log m_k. n_k
+    is the number of independent windows of pair k, m_k the share of its power that does not agree.
     """
-    if not frames:
-        return [], 0.0
-    frames = [_middle(frame) for frame in frames[:MOST_FLIGHTS]]
     n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
-    every = faults(n_rotors).values()
-    as_logged: Reading = (range(n_rotors), 1.0)
-    of_motors = [f for f in every if f.motors]
-    readings = [as_logged, *(f.motors for f in of_motors if f.motors)]
-    mixer, *reordered = _together(lambda f: mixer_fits(f, rotors, readings), frames)
-    (kinematic,) = _together(lambda f: [kinematic_fits(f)], frames)
-    scores = [
-        (_gain(mixer, mended), fault) for fault, mended in zip(of_motors, reordered, strict=True)
+    flights = [_middle(frame) for frame in frames[:MOST_FLIGHTS]]
+    # those that show much come first, as they refute most
+    flights.sort(key=lambda told: -sum(fit.log_likelihood for _, fit in pair_fits(told, rotors)))
+    told = {
+        (k, what): fit
+        for k, flight in enumerate(flights)
+        for what, fit in pair_fits(flight, rotors)
+    }
+    every = _distinct(frozenset(c for flight in flights for c in flight), n_rotors)
+    prior = float(np.log(PRIOR_ODDS / max(len(every), 1)))
+    likely = []
+    for fault, changed in every:
+        fits = _mended(fault, changed, flights, rotors, told)
+        if fits is not None and (gain := _gain(fits, told)) + prior > 0.0:
+            likely.append((gain, fault, changed, fits))
+    # what changes more than another has to explain as much more as a fault does at all
+    needed = [
+        one
+        for one in likely
+        if all(_gain(one[3], other[3]) + prior > 0.0 for other in likely if other[2] < one[2])
     ]
-    # kinematics is exact, so that streams which agree with one another need no other reading
-    agreed = bool(kinematic) and all(f.misfit < AGREED_MISFIT for f in kinematic.values())
-    whole = kinematic | mixer
-    for fault in () if agreed else every:
-        if not fault.motors:
-            mended = _mended(fault, frames, whole, lambda f: mixer_fits(f, rotors, [as_logged])[0])
-            scores.append((_gain(whole, mended), fault))
-    best = max((gain for gain, _ in scores), default=0.0)
-    if best + np.log(PRIOR_ODDS) <= 0.0:
-        return [], 0.0
-    alike = [pair for pair in scores if pair[0] > best - ALIKE_NATS]
+    best = max((gain for gain, *_ in needed), default=0.0)
+    alike = [one for one in needed if one[0] > best - ALIKE_NATS]
     # of two that are as likely the one that changes less
-    alike.sort(key=lambda pair: (-round(pair[0], 1), len(pair[1].what)))
-    return [f for _, f in alike], best + np.log(PRIOR_ODDS)
+    alike.sort(key=lambda one: (-round(one[0], 1), len(one[1].what)))
+    return [fault for _, fault, *_ in alike], best + prior if alike else 0.0
+
+
+@functools.cache
+def _distinct(logged: frozenset[str], n_rotors: int) -> tuple[tuple[Fault, frozenset[str]], ...]:
+    """List faults that read a log otherwise, each reading once, with what they change."""
+    distinct: dict[frozenset[tuple[str, tuple[str, float]]], Fault] = {}
+    for fault in faults(n_rotors).values():
+        if changes := fault.changes(logged):
+            distinct.setdefault(frozenset(changes.items()), fault)
+    return tuple((fault, frozenset(c for c, _ in of)) for of, fault in distinct.items())
 
 
 def _mended(
     fault: Fault,
-    frames: Sequence[pd.DataFrame],
-    as_logged: Fits,
-    mixer: Callable[[pd.DataFrame], dict[str, PairFit]],
-) -> Fits:
-    """Compute fits of corrected flights, by flight and pair, up to one that refutes the fault."""
-    mended: dict[tuple[int, str], PairFit] = {}
-    for k, frame in enumerate(frames):
-        better = fault.mend(frame)
-        pairs = kinematic_fits(better) | mixer(better)
-        mended |= {(k, what): fit for what, fit in pairs.items()}
-        so_far = {key: fit for key, fit in as_logged.items() if key[0] <= k}
-        if _log_likelihood(mended) < _log_likelihood(so_far) - REFUTED_NATS:
-            break
+    changed: Collection[str],
+    flights: Sequence[Columns],
+    rotors: Mapping[str, np.ndarray],
+    told: Fits,
+) -> Fits | None:
+    """Compute fits of corrected flights, by flight and pair; None where one refutes the fault."""
+    mended = {key: fit for key, fit in told.items() if fit.columns.isdisjoint(changed)}
+    turned = {**rotors, "spin": fault.senses * rotors["spin"]} if rotors else rotors
+    so_far = 0.0
+    for k, flight in enumerate(flights):
+        for what, fit in pair_fits({**flight, **fault.read(flight)}, turned, changed):
+            mended[k, what] = fit
+            so_far += fit.log_likelihood
+            if (k, what) in told:
+                so_far -= told[k, what].log_likelihood
+            if so_far < -REFUTED_NATS:
+                return None
     return mended
+
+
+def _gain(mended: Fits, told: Fits) -> float:
+    """Compute the log likelihood that one reading of flights has over another.
+
+    It is none where the one leaves too much of the misfit of the other.
+    """
+    differ = [key for key in mended | told if mended.get(key) != told.get(key)]
+    after, before = ({key: of[key] for key in differ if key in of} for of in (mended, told))
+    gain = _log_likelihood(after) - _log_likelihood(before)
+    windows = sum((after | before)[key].windows for key in differ)
+    if windows == 0.0:
+        return 0.0
+    # geometric means over these windows
+    misfit, left = (np.exp(-2.0 * nats / windows) for nats in (_log_likelihood(before), gain))
+    largest = AGREED_MISFIT if misfit < AGREED_MISFIT else LARGEST_MISFIT
+    return gain if left <= largest else 0.0
 
 
 def _log_likelihood(fits: Fits) -> float:
     return sum(fit.log_likelihood for fit in fits.values())
 
 
-def _middle(frame: pd.DataFrame) -> pd.DataFrame:
+def _middle(frame: pd.DataFrame) -> dict[str, np.ndarray]:
     """Cut the middle minute out of a long flight, with at least 3000 rows."""
     t_s = frame["t_s"].to_numpy(dtype=float)
     rows = max(FEWEST_ROWS, int(LONGEST_S / np.median(np.diff(t_s))))
     start = max(0, (len(frame) - rows) // 2)
-    return frame.iloc[start : start + rows]
-
-
-def _together(
-    fits: Callable[[pd.DataFrame], list[dict[str, PairFit]]], frames: Sequence[pd.DataFrame]
-) -> list[dict[tuple[int, str], PairFit]]:
-    """Collect the fits of every reading over all flights, by flight and pair."""
-    by_flight = [fits(frame) for frame in frames]
-    return [
-        {(k, what): fit for k, pairs in enumerate(of) for what, fit in pairs.items()}
-        for of in zip(*by_flight, strict=True)
-    ]
+    known = frame.iloc[start : start + rows]
+    return {str(c): known[c].to_numpy() for c in known}
 
 
 def sentence(alike: Sequence[Fault], log_odds: float) -> str:
@@ -307,14 +397,3 @@ def sentence(alike: Sequence[Fault], log_odds: float) -> str:
     options = [f"--mend {f.name}" for f in alike[:3] if f.name]
     mend = f"; {' or '.join(options)} reads it so" if options else "; mend it"
     return f"its streams do not fit one another as they are told: {what} (odds {odds} : 1){mend}"
-
-
-def _gain(as_logged: Fits, mended: Fits) -> float:
-    """Compute the log likelihood that a corrected log has over the log as it is.
-
-    It is none where what is corrected does not fit either.
-    """
-    changed = [fit for what, fit in mended.items() if fit != as_logged.get(what)]
-    if not changed or np.mean([fit.misfit for fit in changed]) > LARGEST_MISFIT:
-        return 0.0
-    return _log_likelihood(mended) - _log_likelihood(as_logged)
