@@ -55,7 +55,15 @@ def _spoilt(frames, fault: faults.Fault) -> list[pd.DataFrame]:
     return spoilt
 
 
-OTHER_UNITS = ("gyro-deg", "position-ft", "position-cm", "velocity-cm", "velocity-kmh", "time-ms")
+OTHER_UNITS = (
+    "gyro-deg",
+    "position-ft",
+    "position-cm",
+    "velocity-cm",
+    "velocity-kmh",
+    "time-ms",
+    "time-ns",
+)
 ORDERS = ("quaternion-xyzw", "quaternion-inverse", "motors-2341", "motors-2143", "motors-3412")
 FRAMES = ("quaternion-ned", "world-minus-yz", "gyro-minus-yz", "accelerometer-minus-xyz")
 

@@ -216,6 +216,7 @@ def _units() -> Iterator[Fault]:
         "velocity-kmh": (VELOCITY, "the velocity is in kilometres per hour", 1.0 / 3.6),
         "time-ms": (("t_s",), "the time is in milliseconds", 1e-3),
         "time-us": (("t_s",), "the time is in microseconds", 1e-6),
+        "time-ns": (("t_s",), "the time is in nanoseconds", 1e-9),
     }
     for name, (columns, what, factor) in scales.items():
         yield Fault(name, what, _scaled(columns, factor))
@@ -305,20 +306,20 @@ def find_faults(
     prior = float(np.log(PRIOR_ODDS / max(len(every), 1)))
     likely = []
     for fault, changed in every:
-        fits = _mended(fault, changed, flights, rotors, told)
-        if fits is not None and (gain := _gain(fits, told)) + prior > 0.0:
-            likely.append((gain, fault, changed, fits))
+        mended = _mended(fault, changed, flights, rotors, told)
+        if mended is not None and (gain := _gain(mended, told)) + prior > 0.0:
+            likely.append((gain, fault, changed))
     # what changes more than another has to explain as much more as a fault does at all
     needed = [
-        one
-        for one in likely
-        if all(_gain(one[3], other[3]) + prior > 0.0 for other in likely if other[2] < one[2])
+        one for one in likely if all(one[0] - o[0] + prior > 0.0 for o in likely if o[2] < one[2])
     ]
-    best = max((gain for gain, *_ in needed), default=0.0)
+    if not needed:
+        return [], 0.0
+    best = max(gain for gain, *_ in needed)
     alike = [one for one in needed if one[0] > best - ALIKE_NATS]
     # of two that are as likely the one that changes less
     alike.sort(key=lambda one: (-round(one[0], 1), len(one[1].what)))
-    return [fault for _, fault, *_ in alike], best + prior if alike else 0.0
+    return [fault for _, fault, _ in alike], best + prior
 
 
 @functools.cache
@@ -354,9 +355,9 @@ def _mended(
 
 
 def _gain(mended: Fits, told: Fits) -> float:
-    """Compute the log likelihood that one reading of flights has over another.
+    """Compute the log likelihood that corrected flights have over flights as they are told.
 
-    It is none where the one leaves too much of the misfit of the other.
+    It is none where they leave too much of the misfit.
     """
     differ = [key for key in mended | told if mended.get(key) != told.get(key)]
     after, before = ({key: of[key] for key in differ if key in of} for of in (mended, told))

@@ -142,3 +142,14 @@ def test_commands_far_from_a_window_are_instruments_of_its_drive():
         z = instruments(hovering(30.0, u_1=u), windows, MODEL, ("drive_1",))["drive_1"]
         shares.append(instrument_strength(windows.mean @ u, z, windows.center_s.astype(int) // 5))
     assert shares[0] > 0.95 and shares[1] < 0.1
+
+
+def test_directions_are_found_where_divide_and_conquer_does_not_converge(monkeypatch):
+    z = np.random.default_rng(3).normal(size=(50, 4))
+    expected = directions(z)
+
+    def fails(*_, **__):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", fails)
+    np.testing.assert_allclose(np.abs(directions(z).T @ expected), np.eye(4), atol=1e-9)

@@ -107,6 +107,7 @@ def test_a_grid_is_as_fine_as_the_rows_within_bounds(step_s, told_s):
         ([0.0, 1.0], "flight 3: 2 rows are less than 3 s"),
         ([0.0], "flight 3: 1 rows"),
         ([0.0, 5.0, 4.0, 9.0], "flight 3: t_s does not increase at row 2; sort the recording"),
+        ([0.0, 1e7, 2e7, 3e7], "flight 3: rows are 1e\\+07 s apart, and 0.5 s are a gap; t_s has"),
     ],
 )
 def test_what_is_no_flight_is_refused_in_one_sentence(t_s, said):

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from scipy.linalg import svd
 from scipy.sparse import csr_array
 
 from ges.conventions import BODY_RATE, POSITION, QUATERNION, VELOCITY, rotor_speed
@@ -229,7 +230,11 @@ def directions(z: np.ndarray) -> np.ndarray:
     norm = np.sqrt((z**2).sum(axis=0))
     z = z[:, norm > 0] / norm[norm > 0]
     # lags of one slow signal are nearly alike: directions that are but rounding are left out
-    u, s, _ = np.linalg.svd(z, full_matrices=False)
+    try:
+        u, s, _ = np.linalg.svd(z, full_matrices=False)
+    except np.linalg.LinAlgError:
+        # LAPACK's divide and conquer may not converge on finite columns; the QR iteration does
+        u, s, _ = svd(z, full_matrices=False, lapack_driver="gesvd")
     return u[:, s > settings.numerics.small * s.max(initial=0.0)]
 
 

@@ -334,10 +334,15 @@ def regrid(frame: pd.DataFrame, step_s: float, index: int = 0) -> Prepared:
             f"flight {index}: t_s does not increase at row {int(np.argmin(np.diff(t_s) > 0)) + 1};"
             " sort the recording"
         )
+    row_s, longest_s = float(np.median(np.diff(t_s))), settings.prepare.pause_s
+    if row_s > longest_s:
+        raise GesError(
+            f"flight {index}: rows are {row_s:.3g} s apart, and {longest_s:g} s are a gap; t_s has"
+            " to be in seconds"
+        )
     grid = np.arange(t_s[0], t_s[-1], step_s)
     # points of faster rows would fold their noise and the rotors' vibration into what is slow; rows
     # no faster are not smoothed, however their times round
-    row_s = np.median(np.diff(t_s))
     mean_s = step_s if row_s < step_s and not np.isclose(row_s, step_s) else 0.0
     columns: dict[str, np.ndarray] = {}
     update: dict[str, float] = {}
