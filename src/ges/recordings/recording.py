@@ -329,7 +329,9 @@ def make_set(
     """
     known = faults.faults(len(vehicle.rotors))
     if wrong := [name for name in mends if name not in known]:
-        raise unknown_name("mend", wrong[0], [name for name in known if name])
+        names = [name for name in known if name]
+        # each order and sign of each stream: hundreds
+        raise unknown_name("mend", wrong[0], names, "docs/importing.md")
     flights, warnings = [], [f"read with --mend {name}: {known[name].what}" for name in mends]
     hover = vehicle.hover_speed_rad_s()
     for name, given in frames:
