@@ -33,19 +33,19 @@ from ges.recordings.consistency import SENSES, Columns, PairFit, pair_fits
 from ges.vehicle.file import Vehicle
 
 PRIOR_ODDS = 1e-3
-"""Of a fault at all against the log as it is told; all faults have the same share."""
+"""Of a fault at all against the log as logged; all faults have the same share."""
 MOST_PERMUTED = 4
 """Motors whose every order is tried: 8 would have 40,320; of more any two are exchanged."""
 ALIKE_NATS = 3.0
 """Within which two faults explain the log alike."""
 REFUTED_NATS = 20.0
-"""By which a fault has to be worse than the log as it is told, so that no flight is asked more."""
+"""By which a fault has to be worse than the log as logged, so that no flight is asked more."""
 AGREED_MISFIT = 0.3
 """Below which streams say the same, and that a fault may leave of the misfit of such streams."""
 LARGEST_MISFIT = 0.8
 """That a fault may leave of the misfit of other streams: more does not explain it."""
 MOST_FLIGHTS, LONGEST_S, FEWEST_ROWS = 6, 60.0, 3000
-"""That are looked at: all of a set are told alike, from beginning to end."""
+"""That are looked at: all of a set are logged alike, from beginning to end."""
 
 
 Fits = dict[tuple[int, str], PairFit]
@@ -83,18 +83,20 @@ class Fault:
         """
         return frame.assign(**self.read(frame))
 
-    def read(self, told: Mapping[str, Any] | pd.DataFrame) -> dict[str, Any]:
+    def read(self, as_logged: Mapping[str, Any] | pd.DataFrame) -> dict[str, Any]:
         """Compute the columns that have to be read otherwise.
 
         Parameters
         ----------
-        told : columns by name, as they were logged.
+        as_logged : columns by name, as they were logged.
 
         Returns
         -------
         These columns as they should have been.
         """
-        return {c: by * told[held] for c, (held, by) in self.reading.items() if held in told}
+        return {
+            c: by * as_logged[held] for c, (held, by) in self.reading.items() if held in as_logged
+        }
 
     def changes(self, logged: Collection[str]) -> Reading:
         """List what is read otherwise in a log, with the senses of rotation as one of its columns.
@@ -296,8 +298,10 @@ def find_faults(
     n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
     flights = [_middle(frame) for frame in frames[:MOST_FLIGHTS]]
     # those that show much come first, as they refute most
-    flights.sort(key=lambda told: -sum(fit.log_likelihood for _, fit in pair_fits(told, rotors)))
-    told = {
+    flights.sort(
+        key=lambda as_logged: -sum(fit.log_likelihood for _, fit in pair_fits(as_logged, rotors))
+    )
+    as_logged = {
         (k, what): fit
         for k, flight in enumerate(flights)
         for what, fit in pair_fits(flight, rotors)
@@ -306,8 +310,8 @@ def find_faults(
     prior = float(np.log(PRIOR_ODDS / max(len(every), 1)))
     likely = []
     for fault, changed in every:
-        mended = _mended(fault, changed, flights, rotors, told)
-        if mended is not None and (gain := _gain(mended, told)) + prior > 0.0:
+        mended = _mended(fault, changed, flights, rotors, as_logged)
+        if mended is not None and (gain := _gain(mended, as_logged)) + prior > 0.0:
             likely.append((gain, fault, changed))
     # what changes more than another has to explain as much more as a fault does at all
     needed = [
@@ -337,30 +341,30 @@ def _mended(
     changed: Collection[str],
     flights: Sequence[Columns],
     rotors: Mapping[str, np.ndarray],
-    told: Fits,
+    as_logged: Fits,
 ) -> Fits | None:
     """Compute fits of corrected flights, by flight and pair; None where one refutes the fault."""
-    mended = {key: fit for key, fit in told.items() if fit.columns.isdisjoint(changed)}
+    mended = {key: fit for key, fit in as_logged.items() if fit.columns.isdisjoint(changed)}
     turned = {**rotors, "spin": fault.senses * rotors["spin"]} if rotors else rotors
     so_far = 0.0
     for k, flight in enumerate(flights):
         for what, fit in pair_fits({**flight, **fault.read(flight)}, turned, changed):
             mended[k, what] = fit
             so_far += fit.log_likelihood
-            if (k, what) in told:
-                so_far -= told[k, what].log_likelihood
+            if (k, what) in as_logged:
+                so_far -= as_logged[k, what].log_likelihood
             if so_far < -REFUTED_NATS:
                 return None
     return mended
 
 
-def _gain(mended: Fits, told: Fits) -> float:
+def _gain(mended: Fits, as_logged: Fits) -> float:
     """Compute the log likelihood that corrected flights have over flights as they are told.
 
     It is none where they leave too much of the misfit.
     """
-    differ = [key for key in mended | told if mended.get(key) != told.get(key)]
-    after, before = ({key: of[key] for key in differ if key in of} for of in (mended, told))
+    differ = [key for key in mended | as_logged if mended.get(key) != as_logged.get(key)]
+    after, before = ({key: of[key] for key in differ if key in of} for of in (mended, as_logged))
     gain = _log_likelihood(after) - _log_likelihood(before)
     windows = sum((after | before)[key].windows for key in differ)
     if windows == 0.0:

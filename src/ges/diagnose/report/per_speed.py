@@ -35,8 +35,8 @@ def force_per_speed_N_s_m(name: str, model: Model) -> float | None:
     ground.
     """
     effect = effect_table.get(name)
-    # a wind changes with speed what a drag makes of it, and is in proportion to none
-    if effect.n_states or effect.kind == "wind":
+    # moving air changes with speed what a drag makes of it, and is in proportion to none
+    if effect.n_states or effect.kind != "wrench":
         return None
     # axis by axis: at rest, at 1 m/s and at 2 m/s
     speeds = np.array([[s * (a == b) for b in range(3)] for a in range(3) for s in (0.0, 1.0, 2.0)])
