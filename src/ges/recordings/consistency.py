@@ -81,6 +81,58 @@ class PairFit:
 
 
 @dataclasses.dataclass(frozen=True)
+class OnGrids:
+    """Columns of a flight at even times, once for all ways to read them.
+
+    Attributes
+    ----------
+    values : by step of the grid and name, (t,), NaN in gaps; empty where the flight is too short,
+        or too long for its rows.
+    row_s : median spacing of the rows.
+    """
+
+    values: Mapping[float, Columns]
+    row_s: float
+
+    @classmethod
+    def of(cls, frame: Columns | pd.DataFrame) -> OnGrids:
+        """Interpolate the columns that pairs are computed from.
+
+        Parameters
+        ----------
+        frame : table (n rows) with ``t_s`` and contract columns.
+        """
+        t_s = np.asarray(frame["t_s"], dtype=float)
+        row_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else np.inf
+        grids = {step_s: _grid(t_s, step_s) for step_s in (_STEP_S, _FAST_STEP_S)}
+        fixed = (*POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *SPECIFIC_FORCE)
+        names = (*(c for c in fixed if c in frame), *commands_in(frame), *rotor_speeds_in(frame))
+        return cls(
+            {
+                step_s: {c: _on(grid, t_s, np.asarray(frame[c], dtype=float)) for c in names}
+                for step_s, grid in grids.items()
+                if grid is not None
+            },
+            row_s,
+        )
+
+    @property
+    def logged(self) -> Columns:
+        """Columns by name, on the coarse grid; empty where there is none."""
+        return self.values.get(_STEP_S, {})
+
+    def read(self, otherwise: Callable[[Columns], Columns]) -> OnGrids:
+        """Replace columns by others.
+
+        Parameters
+        ----------
+        otherwise : function of the columns to those that change.
+        """
+        values = {step_s: {**v, **otherwise(v)} for step_s, v in self.values.items()}
+        return dataclasses.replace(self, values=values)
+
+
+@dataclasses.dataclass(frozen=True)
 class _Tie:
     """Quantities that physics ties to one another.
 
@@ -104,12 +156,10 @@ class _Tie:
     def columns(self) -> frozenset[str]:
         return frozenset(c for stream in self.streams for c in stream)
 
-    def pairs(self, frame: Columns) -> Pairs:
+    def pairs(self, flight: OnGrids) -> Pairs:
         """Smooth both of each pair about their means, where they have samples and motion."""
-        grid = _grid(frame, self.step_s)
-        if grid is None:
-            return
-        a, b = self.sides(*(_on(grid, frame, stream) for stream in self.streams))
+        values = flight.values[self.step_s]
+        a, b = self.sides(*(np.stack([values[c] for c in s], axis=1) for s in self.streams))
         for what, x, y in zip(self.names, a.T, b.T, strict=True):
             both = np.isfinite(x) & np.isfinite(y)
             if both.sum() >= _FEWEST:
@@ -138,21 +188,22 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
     - acceleration of the velocity and the specific force in the world, dv/dt = R f - g e_z;
     - specific force along the thrust axis and squared rotor speeds, or commands.
     """
+    flight = OnGrids.of(frame)
     return [
         Agreement(what, float(np.corrcoef(a, b)[0, 1]), float(a @ b / (b @ b)), float(np.std(b)))
-        for tie in (*_kinematic_ties(frame), *_thrust_ties(frame))
-        for what, a, b in tie.pairs(frame)
+        for tie in (*_kinematic_ties(flight.logged), *_thrust_ties(flight.logged))
+        for what, a, b in tie.pairs(flight)
     ]
 
 
 def pair_fits(
-    frame: Columns, rotors: Mapping[str, np.ndarray], among: Collection[str] | None = None
+    flight: OnGrids, rotors: Mapping[str, np.ndarray], among: Collection[str] | None = None
 ) -> Iterator[tuple[str, PairFit]]:
     """Measure how well quantities agree that physics makes equal or proportional.
 
     Parameters
     ----------
-    frame : table (n rows) with ``t_s`` and contract columns.
+    flight : its columns at even times, (t,) by name.
     rotors : ``x_m``, ``y_m``, ``spin`` (n_rotors,) of the vehicle; empty where not known.
     among : what a pair has to be computed from, in part; None for every pair.
 
@@ -172,26 +223,20 @@ def pair_fits(
 
     A factor between the two of a pair is free where motors are in it, but not below zero.
     """
+    frame = flight.logged
     for tie in (*_kinematic_ties(frame), *_drive_ties(frame), *_mixer_ties(frame, rotors)):
         columns = tie.columns | {"t_s"} | ({SENSES} if tie.free and rotors else set())
         if among is None or not columns.isdisjoint(among):
-            window = _windows(frame, tie.step_s, tie.smooth_s)
-            for what, a, b in tie.pairs(frame):
+            # width of a box that averages noise as the smoothing does; no window is shorter
+            window = tie.step_s / max(2.0 * np.sqrt(np.pi) * tie.smooth_s, flight.row_s)
+            for what, a, b in tie.pairs(flight):
                 power = np.sqrt((a @ a) * (b @ b)) if tie.free else 0.5 * (a @ a + b @ b)
                 misfit = 1.0 - max(0.0, float(a @ b / power)) ** 2
                 yield what, PairFit(misfit, len(a) * window, columns)
 
 
-def _windows(frame: Columns, step_s: float, smooth_s: float) -> float:
-    """Count independent windows in a sample of the grid; none is shorter than smoothing or row."""
-    # width of a box that averages noise as the smoothing does
-    box_s = 2.0 * np.sqrt(np.pi) * smooth_s
-    return step_s / max(box_s, float(np.median(np.diff(frame["t_s"]))))
-
-
-def _grid(frame: Columns, step_s: float = _STEP_S) -> np.ndarray | None:
+def _grid(t_s: np.ndarray, step_s: float) -> np.ndarray | None:
     """Make even times of a flight; None where it is too short, or too long for its rows."""
-    t_s = np.asarray(frame["t_s"], dtype=float)
     if len(t_s) < 2 or t_s[-1] - t_s[0] > _LONGEST_GAP_S * len(t_s):
         return None
     grid = np.arange(t_s[0], t_s[-1], step_s)
@@ -311,19 +356,16 @@ def _rates(turned: Rotation, valid: np.ndarray, step_s: float) -> np.ndarray:
     return turning
 
 
-def _on(grid: np.ndarray, frame: Columns, names: tuple[str, ...]) -> np.ndarray:
-    """Interpolate columns (n, k) on the grid between their own samples; NaN in gaps."""
-    t_s, out = np.asarray(frame["t_s"], dtype=float), np.full((len(grid), len(names)), np.nan)
-    for k, name in enumerate(names):
-        values = np.asarray(frame[name], dtype=float)
-        finite = np.isfinite(values)
-        t = t_s[finite]
-        if len(t) > 1:
-            after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
-            # a line across a long gap would be no sample
-            near = (t[after] - t[after - 1] < _LONGEST_GAP_S) & (grid >= t[0]) & (grid <= t[-1])
-            out[:, k] = np.where(near, np.interp(grid, t, values[finite]), np.nan)
-    return out
+def _on(grid: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Interpolate a column (n,) on the grid between its own samples; NaN in gaps."""
+    finite = np.isfinite(values)
+    t = t_s[finite]
+    if len(t) < 2:
+        return np.full(len(grid), np.nan)
+    after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+    # a line across a long gap would be no sample
+    near = (t[after] - t[after - 1] < _LONGEST_GAP_S) & (grid >= t[0]) & (grid <= t[-1])
+    return np.where(near, np.interp(grid, t, values[finite]), np.nan)
 
 
 def _smooth(values: np.ndarray, valid: np.ndarray, width: float) -> np.ndarray:

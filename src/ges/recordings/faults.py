@@ -29,7 +29,7 @@ from ges.conventions import (
     command,
     rotor_speed,
 )
-from ges.recordings.consistency import SENSES, Columns, PairFit, pair_fits
+from ges.recordings.consistency import SENSES, Columns, OnGrids, PairFit, pair_fits
 from ges.vehicle.file import Vehicle
 
 PRIOR_ODDS = 1e-3
@@ -274,6 +274,35 @@ def faults(n_rotors: int = 4) -> dict[str, Fault]:
     return {f.name: f for f in every}
 
 
+@dataclasses.dataclass(frozen=True)
+class _Flight:
+    """The middle minute of a flight, of at least 3000 rows.
+
+    Attributes
+    ----------
+    rows : its columns as they were logged.
+    on_grids : these at even times.
+    """
+
+    rows: Columns
+    on_grids: OnGrids
+
+    @classmethod
+    def of(cls, frame: pd.DataFrame) -> _Flight:
+        t_s = frame["t_s"].to_numpy(dtype=float)
+        rows = max(FEWEST_ROWS, int(LONGEST_S / np.median(np.diff(t_s))))
+        start = max(0, (len(frame) - rows) // 2)
+        known = frame.iloc[start : start + rows]
+        columns = {str(c): known[c].to_numpy() for c in known}
+        return cls(columns, OnGrids.of(columns))
+
+    def read(self, fault: Fault, changed: Collection[str]) -> OnGrids:
+        """Correct the columns; what stands at other times is put on a grid of its own."""
+        if "t_s" in changed:
+            return OnGrids.of({**self.rows, **fault.read(self.rows)})
+        return self.on_grids.read(fault.read)
+
+
 def find_faults(
     frames: Sequence[pd.DataFrame], vehicle: Vehicle | None = None
 ) -> tuple[list[Fault], float]:
@@ -296,17 +325,15 @@ def find_faults(
     is the number of independent windows of pair k, m_k the share of its power that does not agree.
     """
     n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
-    flights = [_middle(frame) for frame in frames[:MOST_FLIGHTS]]
+    flights = [_Flight.of(frame) for frame in frames[:MOST_FLIGHTS]]
     # those that show much come first, as they refute most
-    flights.sort(
-        key=lambda as_logged: -sum(fit.log_likelihood for _, fit in pair_fits(as_logged, rotors))
-    )
+    flights.sort(key=lambda f: -sum(fit.log_likelihood for _, fit in pair_fits(f.on_grids, rotors)))
     as_logged = {
         (k, what): fit
         for k, flight in enumerate(flights)
-        for what, fit in pair_fits(flight, rotors)
+        for what, fit in pair_fits(flight.on_grids, rotors)
     }
-    every = _distinct(frozenset(c for flight in flights for c in flight), n_rotors)
+    every = _distinct(frozenset(c for flight in flights for c in flight.rows), n_rotors)
     prior = float(np.log(PRIOR_ODDS / max(len(every), 1)))
     likely = []
     for fault, changed in every:
@@ -339,7 +366,7 @@ def _distinct(logged: frozenset[str], n_rotors: int) -> tuple[tuple[Fault, froze
 def _mended(
     fault: Fault,
     changed: Collection[str],
-    flights: Sequence[Columns],
+    flights: Sequence[_Flight],
     rotors: Mapping[str, np.ndarray],
     as_logged: Fits,
 ) -> Fits | None:
@@ -348,7 +375,7 @@ def _mended(
     turned = {**rotors, "spin": fault.senses * rotors["spin"]} if rotors else rotors
     so_far = 0.0
     for k, flight in enumerate(flights):
-        for what, fit in pair_fits({**flight, **fault.read(flight)}, turned, changed):
+        for what, fit in pair_fits(flight.read(fault, changed), turned, changed):
             mended[k, what] = fit
             so_far += fit.log_likelihood
             if (k, what) in as_logged:
@@ -377,15 +404,6 @@ def _gain(mended: Fits, as_logged: Fits) -> float:
 
 def _log_likelihood(fits: Fits) -> float:
     return sum(fit.log_likelihood for fit in fits.values())
-
-
-def _middle(frame: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Cut the middle minute out of a long flight, with at least 3000 rows."""
-    t_s = frame["t_s"].to_numpy(dtype=float)
-    rows = max(FEWEST_ROWS, int(LONGEST_S / np.median(np.diff(t_s))))
-    start = max(0, (len(frame) - rows) // 2)
-    known = frame.iloc[start : start + rows]
-    return {str(c): known[c].to_numpy() for c in known}
 
 
 def sentence(alike: Sequence[Fault], log_odds: float) -> str:
