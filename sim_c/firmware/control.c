@@ -8,12 +8,16 @@
 
 static real dot3(const real a[3], real x, real y, real z) { return a[0] * x + a[1] * y + a[2] * z; }
 
+static real integrated(real integral, real ki, real error, real dt, real most) {
+  return within(integral + ki * error * dt, -most, most);
+}
+
 /* Filtered PID; the first run starts the filter and holds no memory. */
 static real height_acceleration(const fw_config *c, real error, real dt, fw_state *s) {
   real rate = pick(s->started, (error - s->error) / dt, number(0.0f));
   s->slope = s->slope + (rate - s->slope) * (dt / (dt + c->altitude_filter));
   s->error = error;
-  s->integral = within(s->integral + c->altitude_ki * error * dt, -c->altitude_integral, c->altitude_integral);
+  s->integral = integrated(s->integral, c->altitude_ki, error, dt, c->altitude_integral);
   s->started = ~(choice){0};
   return c->altitude_kp * error + s->integral + c->altitude_kd * s->slope;
 }
@@ -40,7 +44,7 @@ static void wanted_direction(const fw_config *c, const fw_input *in, real d[3]) 
 
 /* What an error of attitude asks for. The integral is what a lasting moment takes, a weak rotor's or a canted one's. */
 static real from_error(real kp, real ki, real error, real dt, real *integral) {
-  *integral = within(*integral + ki * error * dt, -kp, kp);
+  *integral = integrated(*integral, ki, error, dt, kp);
   return kp * error + *integral;
 }
 
