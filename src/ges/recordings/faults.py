@@ -254,7 +254,8 @@ def _orders(n_rotors: int) -> Iterator[tuple[int, ...]]:
         yield tuple(swapped.get(j, j) for j in stated)
 
 
-def faults(n_rotors: int = 4) -> dict[str, Fault]:
+@functools.cache
+def faults(n_rotors: int = 4) -> Mapping[str, Fault]:
     """List the faults that a log can have.
 
     Parameters
@@ -325,14 +326,12 @@ def find_faults(
     is the number of independent windows of pair k, m_k the share of its power that does not agree.
     """
     n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
-    flights = [_Flight.of(frame) for frame in frames[:MOST_FLIGHTS]]
+    read = [_Flight.of(frame) for frame in frames[:MOST_FLIGHTS]]
+    fitted = [(flight, dict(pair_fits(flight.on_grids, rotors))) for flight in read]
     # those that show much come first, as they refute most
-    flights.sort(key=lambda f: -sum(fit.log_likelihood for _, fit in pair_fits(f.on_grids, rotors)))
-    as_logged = {
-        (k, what): fit
-        for k, flight in enumerate(flights)
-        for what, fit in pair_fits(flight.on_grids, rotors)
-    }
+    fitted.sort(key=lambda pair: -_log_likelihood(pair[1]))
+    flights = [flight for flight, _ in fitted]
+    as_logged = {(k, what): fit for k, (_, fits) in enumerate(fitted) for what, fit in fits.items()}
     every = _distinct(frozenset(c for flight in flights for c in flight.rows), n_rotors)
     prior = float(np.log(PRIOR_ODDS / max(len(every), 1)))
     likely = []
@@ -386,7 +385,7 @@ def _mended(
 
 
 def _gain(mended: Fits, as_logged: Fits) -> float:
-    """Compute the log likelihood that corrected flights have over flights as they are told.
+    """Compute the log likelihood that corrected flights have over flights as logged.
 
     It is none where they leave too much of the misfit.
     """
@@ -402,7 +401,7 @@ def _gain(mended: Fits, as_logged: Fits) -> float:
     return gain if left <= largest else 0.0
 
 
-def _log_likelihood(fits: Fits) -> float:
+def _log_likelihood(fits: Mapping[Any, PairFit]) -> float:
     return sum(fit.log_likelihood for fit in fits.values())
 
 
