@@ -28,10 +28,12 @@ def corrected_numbers(key: str) -> str:
     -------
     ``mass_kg or ...``; the key itself where it corrects none.
     """
+    return " or ".join(_corrected(key)) or key
+
+
+def _corrected(key: str) -> tuple[str, ...]:
     effect, parameter = ParameterKey.of(key)
-    if key == SPEED:
-        return parameter
-    return " or ".join(effect_table.get(effect).parameter(parameter).corrects) or key
+    return (parameter,) if key == SPEED else effect_table.get(effect).parameter(parameter).corrects
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +83,7 @@ class Contradicted:
 
     def _needed(self) -> str:
         """Return the change of each number that would do."""
-        numbers = corrected_numbers(self.key).split(" or ")
+        numbers = _corrected(self.key)
         if len(numbers) == 1:
             return f"{100.0 * self.share:+.0f} %"
         # flights tell thrust over mass, so that more of the one is less of the other

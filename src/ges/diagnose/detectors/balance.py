@@ -321,7 +321,7 @@ class _Balance:
         rotors = (*range(1, len(self.losses) + 1), 0)
         return [
             _estimate_cause(self.y, d, self.precision, rotor)
-            for rotor, d in zip(rotors, directions, strict=False)
+            for rotor, d in zip(rotors[: len(directions)], directions, strict=True)
         ]
 
     def p_value(self, sds: float) -> float:
