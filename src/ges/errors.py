@@ -77,7 +77,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str], lister: str = "") -
     kind : what the name should name, for the message.
     name : the name given.
     known : all names that exist.
-    lister : command that lists them, for names that are too many for a sentence.
+    lister : command or page that lists them, for names that are too many for a sentence.
 
     Returns
     -------

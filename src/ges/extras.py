@@ -30,7 +30,7 @@ def install_command(extra: str) -> str:
     # without metadata this is the checkout itself, which nothing was installed from
     if not wanted:
         return f"pip install '.[{extra}]'"
-    missing = [r for r in wanted if not _is_installed(r.name)]
+    missing = [r for r in wanted if not _distribution(r.name)]
     return shlex.join(["pip", "install", *(f"{r.name}{r.specifier}" for r in missing or wanted)])
 
 
@@ -53,27 +53,21 @@ def install_command_for(module: str) -> str:
 
 
 def _extras() -> list[str]:
-    try:
-        return importlib.metadata.metadata("ges").get_all("Provides-Extra") or []
-    except importlib.metadata.PackageNotFoundError:
-        return []
+    package = _distribution("ges")
+    return package.metadata.get_all("Provides-Extra") or [] if package else []
 
 
 def _requirements(extra: str) -> Iterator[Requirement]:
-    try:
-        stated = importlib.metadata.requires("ges") or []
-    except importlib.metadata.PackageNotFoundError:
-        stated = []
-    for requirement in map(Requirement, stated):
+    package = _distribution("ges")
+    for requirement in map(Requirement, package.requires or [] if package else []):
         marker = requirement.marker
         # what is required without the extra is no part of it
         if marker and marker.evaluate({"extra": extra}) and not marker.evaluate({"extra": ""}):
             yield requirement
 
 
-def _is_installed(name: str) -> bool:
+def _distribution(name: str) -> importlib.metadata.Distribution | None:
     try:
-        importlib.metadata.distribution(name)
+        return importlib.metadata.distribution(name)
     except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
+        return None

@@ -4,6 +4,7 @@ import importlib.metadata
 import re
 from email.message import Message
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -26,17 +27,19 @@ def installed(monkeypatch):
     """Name the distributions that are there, of a package with :data:`EXTRAS`."""
 
     def become(*names):
-        def distribution(name):
-            if name not in names:
-                raise importlib.metadata.PackageNotFoundError(name)
-
         about = Message()
         for extra in EXTRAS:
             about["Provides-Extra"] = extra
         stated = [f'{name}; extra == "{e}"' for e, names in EXTRAS.items() for name in names]
+        there = {name: SimpleNamespace() for name in names}
+        there["ges"] = SimpleNamespace(metadata=about, requires=["click", *stated])
+
+        def distribution(name):
+            if name not in there:
+                raise importlib.metadata.PackageNotFoundError(name)
+            return there[name]
+
         monkeypatch.setattr(importlib.metadata, "distribution", distribution)
-        monkeypatch.setattr(importlib.metadata, "metadata", lambda _: about)
-        monkeypatch.setattr(importlib.metadata, "requires", lambda _: ["click", *stated])
 
     return become
 
@@ -59,8 +62,7 @@ def test_without_metadata_the_checkout_is_installed(monkeypatch):
     def missing(name):
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(importlib.metadata, "requires", missing)
-    monkeypatch.setattr(importlib.metadata, "metadata", missing)
+    monkeypatch.setattr(importlib.metadata, "distribution", missing)
     assert install_command("ui") == "pip install '.[ui]'"
     assert install_command_for("uvicorn") == "pip install uvicorn"
 

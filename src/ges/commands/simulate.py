@@ -35,9 +35,7 @@ KEPT = (
     "agl_m",
     "ge_factor",
 )
-
-
-# integral terms settle at the first set point before the record begins, as before a take-off's end
+# for which the first set point is held before the record begins: integral terms settle
 TRIM_S = 5.0
 
 
