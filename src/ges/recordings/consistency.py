@@ -20,6 +20,7 @@ from ges.conventions import (
     commands_in,
     rotor_speeds_in,
 )
+from ges.vehicle.file import Quantity, Vehicle
 
 _STEP_S, _SMOOTH_S = 0.02, 0.15
 # rotors turn a vehicle faster than that moves it
@@ -31,11 +32,56 @@ _LEAST_UPRIGHT = 0.2
 # a pair never agrees better than clocks and filters let it
 _LEAST_MISFIT = 1e-3
 _TURNS = ("roll", "pitch", "yaw")
-SENSES = "spin"
-"""Of rotation of the rotors, by name among the columns that pairs are computed from."""
+# of the log of a number of a vehicle file: hardly any is wrong by twice
+_SIZE_SD = 0.3
+MASS, FULL_SPEED = "mass_kg", "max_rotor_speed_rad_s"
+INERTIA = ("ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2")
 
 Columns = Mapping[str, np.ndarray]
 Pairs = Iterator[tuple[str, np.ndarray, np.ndarray]]
+
+
+def of_rotors(quantity: str, n_rotors: int) -> tuple[str, ...]:
+    """Name a quantity of each rotor of the vehicle file, as :func:`numbers_of` does.
+
+    Parameters
+    ----------
+    quantity : ``x_m``, ``y_m``, ``spin``, ``thrust_N_s2`` or ``torque_Nm_s2``.
+    n_rotors : number of rotors.
+    """
+    return tuple(f"{quantity}_of_{i + 1}" for i in range(n_rotors))
+
+
+def numbers_of(vehicle: Vehicle) -> dict[str, Quantity]:
+    """Give the numbers of a vehicle file that streams are compared by, as if they were logged.
+
+    Parameters
+    ----------
+    vehicle : its file; what it does not state is left out.
+
+    Returns
+    -------
+    Numbers by name, in the unit of the name. A coefficient of all rotors has its standard deviation
+    at the first, so that it counts once.
+    """
+    rotors, n_rotors = vehicle.rotor_arrays(), len(vehicle.rotors)
+    of_each = {name: (Quantity(value=1.0), rotors[name]) for name in ("x_m", "y_m", "spin")}
+    of_each["thrust_N_s2"] = vehicle.thrust_coefficient_N_s2, rotors["thrust"]
+    if torque := vehicle.torque_coefficient_Nm_s2:
+        of_each["torque_Nm_s2"] = torque, rotors["torque"]
+    numbers = {MASS: vehicle.mass_kg}
+    if inertia := vehicle.inertia_kg_m2:
+        numbers |= {
+            name: Quantity(value=value, sd=inertia.sd_rel * value)
+            for name, value in zip(INERTIA, (inertia.xx, inertia.yy, inertia.zz), strict=True)
+        }
+    if full := vehicle.max_rotor_speed_rad_s:
+        numbers[FULL_SPEED] = full
+    for quantity, (common, shares) in of_each.items():
+        for i, name in enumerate(of_rotors(quantity, n_rotors)):
+            sd = 0.0 if i else common.sd * shares[i]
+            numbers[name] = Quantity(value=common.value * shares[i], sd=sd)
+    return numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,17 +113,39 @@ class PairFit:
         factor between them is free it is their correlation. The misfit is 0 for equals, 1 for
         strangers or opposites.
     windows : number of independent windows, by the width of the smoothing.
-    columns : names of what both are computed from; :data:`SENSES` is in the vehicle file.
+    columns : names of what both are computed from, numbers of the vehicle file among them.
+    log_size : natural logarithm of how many times as large the first is as the second, by the
+        numbers of the vehicle file; None where these do not say.
+    log_size_sd : of this, by noise and by the uncertainties that the vehicle file states.
     """
 
     misfit: float
     windows: float
     columns: frozenset[str]
+    log_size: float | None = None
+    log_size_sd: float = 0.0
 
     @property
     def log_likelihood(self) -> float:
         """Log likelihood over that of strangers, noise at its most likely value: -(n/2) log m."""
         return -0.5 * self.windows * float(np.log(max(self.misfit, _LEAST_MISFIT)))
+
+
+def size_log_likelihood(fits: Sequence[PairFit]) -> float:
+    """Compute the log likelihood of one pair's sizes in several flights.
+
+    Parameters
+    ----------
+    fits : of the same pair, one a flight; all have a size.
+
+    Returns
+    -------
+    log N(x; 0, s), less its greatest value without these uncertainties. x is the mean of the log sizes: all
+    flights have the same numbers, so that they count once.
+    """
+    size, sd = np.mean([(fit.log_size or 0.0, fit.log_size_sd) for fit in fits], axis=0)
+    variance = _SIZE_SD**2 + sd**2
+    return float(-0.5 * size**2 / variance - 0.5 * np.log(variance / _SIZE_SD**2))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,35 +154,46 @@ class OnGrids:
 
     Attributes
     ----------
-    values : by step of the grid and name, (t,), NaN in gaps; empty where the flight is too short,
-        or too long for its rows.
+    values : by step of the grid and name, (t,), NaN in gaps, and numbers of the vehicle file, ();
+        empty where the flight is too short, or too long for its rows.
     row_s : median spacing of the rows.
+    sd_rel : of numbers of the vehicle file, by name, relative to each.
+    as_logged : the values before any was replaced.
+    smoothed : quantities that were computed from these, by key; they are the same in most readings.
     """
 
     values: Mapping[float, Columns]
     row_s: float
+    sd_rel: Mapping[str, float]
+    as_logged: Mapping[float, Columns]
+    smoothed: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 
     @classmethod
-    def of(cls, frame: Columns | pd.DataFrame) -> OnGrids:
+    def of(
+        cls, frame: Columns | pd.DataFrame, numbers: Mapping[str, Quantity] | None = None
+    ) -> OnGrids:
         """Interpolate the columns that pairs are computed from.
 
         Parameters
         ----------
         frame : table (n rows) with ``t_s`` and contract columns.
+        numbers : of the vehicle file, as :func:`numbers_of` gives them.
         """
         t_s = np.asarray(frame["t_s"], dtype=float)
         row_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else np.inf
         grids = {step_s: _grid(t_s, step_s) for step_s in (_STEP_S, _FAST_STEP_S)}
         fixed = (*POSITION, *VELOCITY, *QUATERNION, *BODY_RATE, *SPECIFIC_FORCE)
         names = (*(c for c in fixed if c in frame), *commands_in(frame), *rotor_speeds_in(frame))
-        return cls(
-            {
-                step_s: {c: _on(grid, t_s, np.asarray(frame[c], dtype=float)) for c in names}
-                for step_s, grid in grids.items()
-                if grid is not None
-            },
-            row_s,
-        )
+        values = {
+            step_s: {
+                **{c: _on(grid, t_s, np.asarray(frame[c], dtype=float)) for c in names},
+                **{c: np.asarray(number.value) for c, number in (numbers or {}).items()},
+            }
+            for step_s, grid in grids.items()
+            if grid is not None
+        }
+        sd_rel = {c: abs(n.sd / n.value) for c, n in (numbers or {}).items() if n.sd}
+        return cls(values, row_s, sd_rel, values, {})
 
     @property
     def logged(self) -> Columns:
@@ -133,39 +212,105 @@ class OnGrids:
 
 
 @dataclasses.dataclass(frozen=True)
+class _Side:
+    """One quantity of a pair, or of several pairs.
+
+    Attributes
+    ----------
+    key : names the quantity.
+    streams : columns that it is computed from, and numbers of the vehicle file.
+    of : function of the streams on a grid, each (t, k), and of the numbers, each (k,), to the
+        quantity, (t, n).
+    """
+
+    key: str
+    streams: tuple[tuple[str, ...], ...]
+    of: Callable[..., np.ndarray]
+
+    @property
+    def columns(self) -> frozenset[str]:
+        return frozenset(c for stream in self.streams for c in stream)
+
+    def smooth(self, flight: OnGrids, step_s: float, smooth_s: float) -> tuple[np.ndarray, ...]:
+        """Smooth the quantity, (t, n), and say where it has samples, (t, n)."""
+        values, as_logged = flight.values[step_s], flight.as_logged[step_s]
+        key = (self.key, f"{step_s:g} s")
+        same = all(values[c] is as_logged[c] for c in self.columns)
+        if same and key in flight.smoothed:
+            return flight.smoothed[key]
+        quantity = self.of(*(np.stack([values[c] for c in s], axis=-1) for s in self.streams))
+        made = _smooth(quantity, smooth_s / step_s)
+        if same:
+            flight.smoothed[key] = made
+        return made
+
+
+@dataclasses.dataclass(frozen=True)
 class _Tie:
     """Quantities that physics ties to one another.
 
     Attributes
     ----------
     names : both quantities in words, for each component.
-    streams : columns that they are computed from.
-    sides : function of the streams on a grid, each (t, k), to both quantities, each (t, n).
+    sides : both quantities.
     step_s, smooth_s : step of the grid and width of the smoothing.
     free : whether a factor between them is not known.
+    sized : whether both are in the same unit by the vehicle file, for each component; none if so
+        for none.
+    level : whether they are compared in size alone, about zero.
     """
 
     names: Sequence[str]
-    streams: tuple[tuple[str, ...], ...]
-    sides: Callable[..., tuple[np.ndarray, np.ndarray]]
+    sides: tuple[_Side, _Side]
     step_s: float = _STEP_S
     smooth_s: float = _SMOOTH_S
     free: bool = False
+    sized: Sequence[bool] = ()
+    level: bool = False
 
     @property
     def columns(self) -> frozenset[str]:
-        return frozenset(c for stream in self.streams for c in stream)
+        return self.sides[0].columns | self.sides[1].columns
 
     def pairs(self, flight: OnGrids) -> Pairs:
-        """Smooth both of each pair about their means, where they have samples and motion."""
-        values = flight.values[self.step_s]
-        a, b = self.sides(*(np.stack([values[c] for c in s], axis=1) for s in self.streams))
-        for what, x, y in zip(self.names, a.T, b.T, strict=True):
-            both = np.isfinite(x) & np.isfinite(y)
+        """Give both of each pair, smooth and about their means, where they have samples."""
+        (a, has_a), (b, has_b) = (
+            side.smooth(flight, self.step_s, self.smooth_s) for side in self.sides
+        )
+        for k, what in enumerate(self.names):
+            both = has_a[:, k] & has_b[:, k]
             if both.sum() >= _FEWEST:
-                x, y = (_smooth(side, both, self.smooth_s / self.step_s) for side in (x, y))
-                if min(np.std(x), np.std(y)) >= _STILL:
+                x, y = a[both, k], b[both, k]
+                # without motion there is nothing to compare; where the unit is free in no unit
+                still = [_STILL * (np.abs(side).max() if self.free else 1.0) for side in (x, y)]
+                if not self.level:
+                    x, y = x - x.mean(), y - y.mean()
+                if all(
+                    np.sqrt(np.mean(s**2)) > least for s, least in zip((x, y), still, strict=True)
+                ):
                     yield what, x, y
+
+    def fits(self, flight: OnGrids) -> Iterator[tuple[str, PairFit]]:
+        """Measure how well both of each pair agree."""
+        # width of a box that averages noise as the smoothing does; no window is shorter
+        window = self.step_s / max(2.0 * np.sqrt(np.pi) * self.smooth_s, flight.row_s)
+        columns = self.columns if self.level else self.columns | {"t_s"}
+        sized = dict(zip(self.names, self.sized, strict=False))
+        stated = np.sqrt(sum(flight.sd_rel.get(c, 0.0) ** 2 for c in self.columns))
+        for what, a, b in self.pairs(flight):
+            both, either = a @ b, np.sqrt((a @ a) * (b @ b))
+            if self.level:
+                size = float(np.log(max(both / (b @ b), _STILL)))
+                yield what, PairFit(1.0, 0.0, columns, size, float(stated))
+                continue
+            power = either if self.free else 0.5 * (a @ a + b @ b)
+            fit = PairFit(1.0 - max(0.0, float(both / power)) ** 2, len(a) * window, columns)
+            if sized.get(what) and both > 0.0:
+                # between the regressions of either on the other
+                size, noise = 0.5 * np.log((a @ a) / (b @ b)), np.log(either / both)
+                sd = np.hypot(noise, stated)
+                fit = dataclasses.replace(fit, log_size=float(size), log_size_sd=float(sd))
+            yield what, fit
 
 
 def agreements(frame: pd.DataFrame) -> list[Agreement]:
@@ -197,14 +342,13 @@ def agreements(frame: pd.DataFrame) -> list[Agreement]:
 
 
 def pair_fits(
-    flight: OnGrids, rotors: Mapping[str, np.ndarray], among: Collection[str] | None = None
+    flight: OnGrids, among: Collection[str] | None = None
 ) -> Iterator[tuple[str, PairFit]]:
     """Measure how well quantities agree that physics makes equal or proportional.
 
     Parameters
     ----------
-    flight : its columns at even times, (t,) by name.
-    rotors : ``x_m``, ``y_m``, ``spin`` (n_rotors,) of the vehicle; empty where not known.
+    flight : its columns at even times, with the numbers of the vehicle file where it is known.
     among : what a pair has to be computed from, in part; None for every pair.
 
     Yields
@@ -218,21 +362,19 @@ def pair_fits(
     - those of :func:`agreements` without the thrust. Without an accelerometer the horizontal
       acceleration is compared with the tilt, dv/dt = g (R e_z)_xy / (R e_z)_z;
     - commands and squared rotor speeds, each over the mean of all rotors;
-    - angular acceleration and sum_i (y_i, -x_i, -spin_i) s_i. s are the squared speeds, or the
-      commands where no speeds were logged.
+    - angular acceleration and the moments of the rotors over the inertia,
+      d(omega)/dt = I^-1 sum_i (y_i k, -x_i k, -spin_i k_q) w_i^2. Where no speeds were logged, the
+      shares of the commands stand for w_i^2;
+    - in size alone: m f_z and sum_i k w_i^2, and rotor speeds and commands times the full speed.
 
-    A factor between the two of a pair is free where motors are in it, but not below zero.
+    A factor between the two of a pair is free where motors are in it, but not below zero. Where
+    speeds were logged its size is compared with the numbers of the vehicle file.
     """
     frame = flight.logged
-    for tie in (*_kinematic_ties(frame), *_drive_ties(frame), *_mixer_ties(frame, rotors)):
-        columns = tie.columns | {"t_s"} | ({SENSES} if tie.free and rotors else set())
-        if among is None or not columns.isdisjoint(among):
-            # width of a box that averages noise as the smoothing does; no window is shorter
-            window = tie.step_s / max(2.0 * np.sqrt(np.pi) * tie.smooth_s, flight.row_s)
-            for what, a, b in tie.pairs(flight):
-                power = np.sqrt((a @ a) * (b @ b)) if tie.free else 0.5 * (a @ a + b @ b)
-                misfit = 1.0 - max(0.0, float(a @ b / power)) ** 2
-                yield what, PairFit(misfit, len(a) * window, columns)
+    ties = (*_kinematic_ties(frame), *_drive_ties(frame), *_mixer_ties(frame), *_level_ties(frame))
+    for tie in ties:
+        if among is None or not (tie.columns | {"t_s"}).isdisjoint(among):
+            yield from tie.fits(flight)
 
 
 def _grid(t_s: np.ndarray, step_s: float) -> np.ndarray | None:
@@ -244,17 +386,20 @@ def _grid(t_s: np.ndarray, step_s: float) -> np.ndarray | None:
 
 
 def _kinematic_ties(frame: Columns) -> Iterator[_Tie]:
-    turning = [f"{c} and the turning of the attitude" for c in BODY_RATE]
-    yield from _logged(frame, _Tie(turning, (BODY_RATE, QUATERNION), _turning_sides))
+    turning = _Side("turning of the attitude", (QUATERNION,), lambda q: _rates(q, _STEP_S))
+    names = [f"{c} and the turning of the attitude" for c in BODY_RATE]
+    yield from _logged(frame, _Tie(names, (_Side("gyro", (BODY_RATE,), _itself), turning)))
+    speeding = _Side("acceleration", (VELOCITY,), lambda v: np.gradient(v, _STEP_S, axis=0))
     if all(c in frame for c in SPECIFIC_FORCE):
-        speeding = [f"d({c})/dt and the accelerometer" for c in VELOCITY]
-        streams: tuple[tuple[str, ...], ...] = (VELOCITY, QUATERNION, SPECIFIC_FORCE)
-        yield from _logged(frame, _Tie(speeding, streams, _speeding_sides))
+        felt = _Side("felt acceleration", (QUATERNION, SPECIFIC_FORCE), _felt_acceleration)
+        names = [f"d({c})/dt and the accelerometer" for c in VELOCITY]
     else:
-        tilting = [f"d({c})/dt and the tilt" for c in VELOCITY[:2]]
-        yield from _logged(frame, _Tie(tilting, (VELOCITY, QUATERNION), _tilting_sides))
-    moving = [f"d({p})/dt and {v}" for p, v in zip(POSITION, VELOCITY, strict=True)]
-    yield from _logged(frame, _Tie(moving, (POSITION, VELOCITY), _moving_sides))
+        felt = _Side("tilt", (QUATERNION,), _tilt_acceleration)
+        names = [f"d({c})/dt and the tilt" for c in VELOCITY[:2]]
+    yield from _logged(frame, _Tie(names, (speeding, felt)))
+    moving = _Side("motion", (POSITION,), lambda p: np.gradient(p, _STEP_S, axis=0))
+    names = [f"d({p})/dt and {v}" for p, v in zip(POSITION, VELOCITY, strict=True)]
+    yield from _logged(frame, _Tie(names, (moving, _Side("velocity", (VELOCITY,), _itself))))
 
 
 def _logged(frame: Columns, tie: _Tie) -> Iterator[_Tie]:
@@ -262,68 +407,96 @@ def _logged(frame: Columns, tie: _Tie) -> Iterator[_Tie]:
         yield tie
 
 
-def _turning_sides(rate: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return rate, _rates(*_attitude(q), _STEP_S)
+def _itself(stream: np.ndarray) -> np.ndarray:
+    return stream
 
 
-def _speeding_sides(
-    velocity: np.ndarray, q: np.ndarray, force: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    turned, valid = _attitude(q)
+def _felt_acceleration(q: np.ndarray, force: np.ndarray) -> np.ndarray:
     # dv/dt = R f - g e_z
-    world = turned.apply(np.where(np.isfinite(force), force, 0.0)) - [0.0, 0.0, GRAVITY_M_S2]
-    world[~(valid & np.isfinite(force).all(axis=1))] = np.nan
-    return np.gradient(velocity, _STEP_S, axis=0), world
+    return turned_into("world", force, q) - [0.0, 0.0, GRAVITY_M_S2]
 
 
-def _tilting_sides(velocity: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    turned, valid = _attitude(q)
-    axis = turned.apply([0.0, 0.0, 1.0])
-    axis[~valid] = np.nan
-    tilt = GRAVITY_M_S2 * axis[:, :2] / np.maximum(axis[:, 2:], _LEAST_UPRIGHT)
-    return np.gradient(velocity[:, :2], _STEP_S, axis=0), tilt
-
-
-def _moving_sides(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.gradient(position, _STEP_S, axis=0), velocity
+def _tilt_acceleration(q: np.ndarray) -> np.ndarray:
+    axis = turned_into("world", np.broadcast_to([0.0, 0.0, 1.0], (len(q), 3)), q)
+    return GRAVITY_M_S2 * axis[:, :2] / np.maximum(axis[:, 2:], _LEAST_UPRIGHT)
 
 
 def _thrust_ties(frame: Columns) -> Iterator[_Tie]:
     name, columns, power = _push(frame)
-
-    def sides(force: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return force[:, 2:], (push**power).sum(axis=1, keepdims=True)
-
     if columns:
-        yield from _logged(
-            frame, _Tie([f"acc_z_m_s2 and {name}"], (SPECIFIC_FORCE, columns), sides)
-        )
+        force = _Side("force", (SPECIFIC_FORCE,), lambda f: f[:, 2:])
+        push = _Side("push", (columns,), lambda p: (p**power).sum(axis=1, keepdims=True))
+        yield from _logged(frame, _Tie([f"acc_z_m_s2 and {name}"], (force, push)))
 
 
 def _drive_ties(frame: Columns) -> Iterator[_Tie]:
     commands, speeds = commands_in(frame), rotor_speeds_in(frame)
     if len(commands) == len(speeds) > 0:
         names = [f"{u} and {w}" for u, w in zip(commands, speeds, strict=True)]
-        yield _Tie(names, (commands, speeds), _drive_sides, free=True)
+        asked = _Side("shares of the commands", (commands,), _shares)
+        made = _Side("shares of the speeds", (speeds,), lambda w: _shares(w**2))
+        yield _Tie(names, (asked, made), free=True)
 
 
-def _drive_sides(commands: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return _shares(commands), _shares(speeds**2)
-
-
-def _mixer_ties(frame: Columns, rotors: Mapping[str, np.ndarray]) -> Iterator[_Tie]:
+def _mixer_ties(frame: Columns) -> Iterator[_Tie]:
     _, columns, power = _push(frame)
+    n_rotors = len(columns)
     logged = [s for s in (BODY_RATE, QUATERNION) if all(c in frame for c in s)]
-    if not logged or not columns or len(columns) != len(rotors.get("x_m", ())):
+    arms = [of_rotors(name, n_rotors) for name in ("x_m", "y_m", "spin", "thrust_N_s2")]
+    known = all(c in frame for names in arms for c in names)
+    # a file of another number of rotors says nothing of these
+    if not logged or not n_rotors or not known or of_rotors("spin", n_rotors + 1)[-1] in frame:
         return
-    arms = np.stack([rotors["y_m"], -rotors["x_m"], -rotors["spin"]], axis=1)
+    torques = of_rotors("torque_Nm_s2", n_rotors)
+    with_torque = torques[0] in frame
+    sized = power == 2 and INERTIA[0] in frame
 
-    def sides(turned: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rates = turned if logged[0] == BODY_RATE else _rates(*_attitude(turned), _FAST_STEP_S)
-        return np.gradient(rates, _FAST_STEP_S, axis=0), _shares(push**power) @ arms
+    def turn(stream: np.ndarray) -> np.ndarray:
+        rates = stream if logged[0] == BODY_RATE else _rates(stream, _FAST_STEP_S)
+        return np.gradient(rates, _FAST_STEP_S, axis=0)
 
-    names = [f"mixer in {axis}" for axis in _TURNS]
-    yield _Tie(names, (logged[0], columns), sides, _FAST_STEP_S, _FAST_SMOOTH_S, free=True)
+    def mix(push: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
+        x, y, spin, thrust, *more = numbers
+        torque = more[0] if with_torque else thrust
+        inertia = more[-1] if sized else np.ones(3)
+        if not sized:
+            # in shares, where nothing says how much a command pushes
+            thrust, torque = thrust / thrust.mean(), torque / torque.mean()
+        levers = np.stack([y * thrust, -x * thrust, -spin * torque], axis=1)
+        return _shares(push**power) @ levers / inertia
+
+    more = [*([torques] if with_torque else []), *([INERTIA] if sized else [])]
+    yield _Tie(
+        [f"mixer in {axis}" for axis in _TURNS],
+        (_Side("turn", (logged[0],), turn), _Side("mixer", (columns, *arms, *more), mix)),
+        _FAST_STEP_S,
+        _FAST_SMOOTH_S,
+        free=True,
+        sized=(sized, sized, sized and with_torque),
+    )
+
+
+def _level_ties(frame: Columns) -> Iterator[_Tie]:
+    commands, speeds = commands_in(frame), rotor_speeds_in(frame)
+    if not speeds:
+        return
+    thrusts = of_rotors("thrust_N_s2", len(speeds))
+    lift = _Side("lift", (speeds, thrusts), lambda w, k: (w**2) @ k[:, None])
+    # upright most of the time, and on average not accelerated
+    felt = SPECIFIC_FORCE if all(c in frame for c in SPECIFIC_FORCE) else speeds
+    weight = _Side(
+        "weight",
+        (felt, (MASS,)),
+        lambda f, m: (
+            m * (f[:, 2:3] if felt == SPECIFIC_FORCE else np.full((len(f), 1), GRAVITY_M_S2))
+        ),
+    )
+    yield from _logged(frame, _Tie(["weight and thrust"], (weight, lift), level=True))
+    if len(commands) == len(speeds):
+        names = [f"{w} and the full speed" for w in speeds]
+        turned = _Side("rotor speeds", (speeds,), _itself)
+        asked = _Side("speeds asked for", (commands, (FULL_SPEED,)), lambda u, full: u * full)
+        yield from _logged(frame, _Tie(names, (turned, asked), level=True))
 
 
 def _push(frame: Columns) -> tuple[str, tuple[str, ...], int]:
@@ -339,6 +512,26 @@ def _shares(values: np.ndarray) -> np.ndarray:
     return values - values.mean(axis=1, keepdims=True)
 
 
+def turned_into(frame: str, vectors: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Turn vectors by attitudes.
+
+    Parameters
+    ----------
+    frame : ``body`` for vectors of the world, ``world`` for those of the body.
+    vectors : (n, 3).
+    q : (n, 4) body to world, scalar first.
+
+    Returns
+    -------
+    (n, 3), NaN where the attitude is not known.
+    """
+    turned, valid = _attitude(q)
+    valid &= np.isfinite(vectors).all(axis=1)
+    result = turned.apply(np.where(valid[:, None], vectors, 0.0), inverse=frame == "body")
+    result[~valid] = np.nan
+    return result
+
+
 def _attitude(q: np.ndarray) -> tuple[Rotation, np.ndarray]:
     """Give attitudes, and where they are known."""
     valid = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.0)
@@ -347,7 +540,8 @@ def _attitude(q: np.ndarray) -> tuple[Rotation, np.ndarray]:
     ), valid
 
 
-def _rates(turned: Rotation, valid: np.ndarray, step_s: float) -> np.ndarray:
+def _rates(q: np.ndarray, step_s: float) -> np.ndarray:
+    turned, valid = _attitude(q)
     # body rates: log(q_k* q_k+1) / dt
     step = (turned[:-1].inv() * turned[1:]).as_rotvec() / step_s
     turning = np.vstack([step, step[-1:]])
@@ -368,10 +562,15 @@ def _on(grid: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.where(near, np.interp(grid, t, values[finite]), np.nan)
 
 
-def _smooth(values: np.ndarray, valid: np.ndarray, width: float) -> np.ndarray:
-    """Smooth valid values (t,) over ``width`` samples, about their mean."""
-    steps = np.arange(len(values))
-    # gaps are bridged for the filter alone; only what is there is compared
-    whole = np.interp(steps, steps[valid], values[valid])
-    smooth = gaussian_filter1d(whole, width)[valid]
-    return smooth - smooth.mean()
+def _smooth(values: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Smooth quantities (t, n) over ``width`` samples, and say where they have samples."""
+    valid = np.isfinite(values)
+    if not valid.all():
+        # gaps are bridged for the filter alone; only what is there is compared
+        steps = np.arange(len(values))
+        bridged = [
+            np.interp(steps, steps[has], v[has]) if has.any() else np.zeros(len(v))
+            for v, has in zip(values.T, valid.T, strict=True)
+        ]
+        values = np.stack(bridged, axis=1)
+    return gaussian_filter1d(values, width, axis=0), valid

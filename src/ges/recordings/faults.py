@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ import pandas as pd
 
 from ges.conventions import (
     BODY_RATE,
+    GRAVITY_M_S2,
     POSITION,
     POSITION_REF,
     QUATERNION,
@@ -29,8 +30,20 @@ from ges.conventions import (
     command,
     rotor_speed,
 )
-from ges.recordings.consistency import SENSES, Columns, OnGrids, PairFit, pair_fits
-from ges.vehicle.file import Vehicle
+from ges.recordings.consistency import (
+    FULL_SPEED,
+    INERTIA,
+    MASS,
+    Columns,
+    OnGrids,
+    PairFit,
+    numbers_of,
+    of_rotors,
+    pair_fits,
+    size_log_likelihood,
+    turned_into,
+)
+from ges.vehicle.file import Quantity, Vehicle
 
 PRIOR_ODDS = 1e-3
 """Of a fault at all against the log as logged; all faults have the same share."""
@@ -44,13 +57,25 @@ AGREED_MISFIT = 0.3
 """Below which streams say the same, and that a fault may leave of the misfit of such streams."""
 LARGEST_MISFIT = 0.8
 """That a fault may leave of the misfit of other streams: more does not explain it."""
+FOOT_M = 0.3048
+BETWEEN_AXES_DEG = (45.0, -45.0, 135.0, -135.0)
+"""Of turns about z that are no order of axes, and that autopilots are mounted with."""
+SPEED_UNITS = {
+    "rpm": ("revolutions per minute", np.pi / 30.0),
+    "rev": ("revolutions per second", 2.0 * np.pi),
+    "krpm": ("thousands of revolutions per minute", 1e3 * np.pi / 30.0),
+    "erpm": ("electrical revolutions per minute of 14 poles", np.pi / 30.0 / 7.0),
+}
+"""Of rotor speeds, in words, and how many rad/s each is."""
+ROUNDING_NATS = 1e-6
+"""By which a misfit changes that does not."""
 MOST_FLIGHTS, LONGEST_S, FEWEST_ROWS = 6, 60.0, 3000
 """That are looked at: all of a set are logged alike, from beginning to end."""
 
 
 Fits = dict[tuple[int, str], PairFit]
-Reading = Mapping[str, tuple[str, float]]
-"""Of a column: the one that holds it, and a factor."""
+Reading = Mapping[str, Mapping[str, float]]
+"""Of a column: those that it is the sum of, each with its factor."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,16 +84,23 @@ class Fault:
 
     Attributes
     ----------
-    name : name of the option that corrects it; '' where the vehicle file is to be corrected.
+    name : name of the option that corrects it.
     what : the fault in words.
-    reading : columns that have to be read otherwise.
-    senses : factor on the vehicle file's senses of rotation.
+    reading : columns, or numbers of the vehicle file, that have to be read otherwise.
+    turned : columns of a vector that stands in the other frame, three; empty if none does.
+    frame : ``body`` or ``world``: into which it has to be turned by the attitude.
     """
 
     name: str
     what: str
     reading: Reading
-    senses: float = 1.0
+    turned: tuple[str, ...] = ()
+    frame: str = ""
+
+    @property
+    def in_file(self) -> bool:
+        """Whether the vehicle file is wrong, and no option reads the log otherwise."""
+        return self.name.startswith("file-")
 
     def mend(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Correct a table.
@@ -88,34 +120,60 @@ class Fault:
 
         Parameters
         ----------
-        as_logged : columns by name, as they were logged.
+        as_logged : columns by name, as they were logged, and numbers of the vehicle file.
 
         Returns
         -------
-        These columns as they should have been.
+        These as they should have been.
         """
-        return {
-            c: by * as_logged[held] for c, (held, by) in self.reading.items() if held in as_logged
+        sums = {
+            c: sum(by * as_logged[held] for held, by in of.items())
+            for c, of in self.reading.items()
+            if all(held in as_logged for held in of)
         }
+        if not self.changes_frame(as_logged):
+            return sums
+        vectors, q = (
+            np.stack([np.asarray(as_logged[c], dtype=float) for c in of], axis=1)
+            for of in (self.turned, QUATERNION)
+        )
+        return sums | dict(zip(self.turned, turned_into(self.frame, vectors, q).T, strict=True))
+
+    def changes_frame(self, logged: Collection[str] | pd.DataFrame) -> bool:
+        """Whether a vector of these columns has to be turned, and an attitude says how."""
+        return bool(self.turned) and all(c in logged for c in (*self.turned, *QUATERNION))
 
     def changes(self, logged: Collection[str]) -> Reading:
-        """List what is read otherwise in a log, with the senses of rotation as one of its columns.
+        """List what is read otherwise in a log.
 
         Parameters
         ----------
-        logged : names of its columns.
+        logged : names of its columns, and of the numbers of the vehicle file.
 
         Returns
         -------
-        Of each column that changes: the one that holds it, and a factor.
+        Of each column that changes: what it is the sum of.
         """
-        every = {**self.reading, SENSES: (SENSES, self.senses)}
-        seen = {*logged, SENSES}
-        return {c: of for c, of in every.items() if of[0] in seen and of != (c, 1.0)}
+        changed = {
+            c: of
+            for c, of in self.reading.items()
+            if all(held in logged for held in of) and of != {c: 1.0}
+        }
+        if self.changes_frame(logged):
+            changed |= {c: {f"{c}, not in the {self.frame} frame": 1.0} for c in self.turned}
+        return changed
 
 
 def _scaled(columns: Sequence[str], factor: float) -> Reading:
-    return {c: (c, factor) for c in columns}
+    return {c: {c: factor} for c in columns}
+
+
+def _yawed(streams: Iterable[Sequence[str]], degrees: float) -> Reading:
+    """Read x and y of each stream as turned about z."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return {
+        name: of for x, y, *_ in streams for name, of in ((x, {x: c, y: -s}), (y, {x: s, y: c}))
+    }
 
 
 def _ordered(
@@ -123,7 +181,7 @@ def _ordered(
 ) -> Reading:
     """Read column i of each stream as ``order[i]``; those of ``minus`` have the other sign."""
     return {
-        columns[k]: (held, -1.0 if k in minus else 1.0)
+        columns[k]: {held: -1.0 if k in minus else 1.0}
         for columns in streams
         for k, held in zip(order, columns, strict=True)
     }
@@ -164,11 +222,16 @@ _CAUSES = {
 
 
 def _axes() -> Iterator[Fault]:
-    """List every order of a stream's axes with every sign of each."""
+    """List every order of a stream's axes with every sign of each, and mounts between them."""
     for name, (stand, streams) in _VECTORS.items():
         for order in itertools.permutations(range(3)):
             for minus in _subsets(range(3)):
                 yield from _reoriented(name, stand, streams, "xyz", order, minus)
+    for name in ("gyro", "accelerometer", "imu"):
+        stand, streams = _VECTORS[name]
+        for degrees in BETWEEN_AXES_DEG:
+            what = f"{stand} turned by {-degrees:+.0f} degrees about z"
+            yield Fault(f"{name}-yaw{-degrees:+.0f}", what, _yawed(streams, degrees))
     # an order with signs is a quaternion of another frame; the sign of the whole says nothing
     stated, stand = (0, 1, 2, 3), "the quaternion stands"
     orders = [(order, ()) for order in itertools.permutations(stated)]
@@ -207,25 +270,84 @@ def _reoriented(
         yield Fault(*_CAUSES.get(name, (name, " and ".join(what))), _ordered(streams, order, minus))
 
 
-def _units() -> Iterator[Fault]:
+def _frames() -> Iterator[Fault]:
+    frames = {
+        "gyro-world": (BODY_RATE, "the body rates are", "body"),
+        "accelerometer-world": (SPECIFIC_FORCE, "the accelerometer is", "body"),
+        "velocity-body": (VELOCITY, "the velocity is", "world"),
+    }
+    for name, (columns, is_in, into) in frames.items():
+        other = "world" if into == "body" else "body"
+        yield Fault(name, f"{is_in} in the {other} frame", {}, columns, into)
+
+
+def _units(n_rotors: int) -> Iterator[Fault]:
+    length = (*POSITION, *VELOCITY, *POSITION_REF, *VELOCITY_REF)
     scales = {
         "gyro-deg": (BODY_RATE, "the body rates are in deg/s", np.pi / 180.0),
-        "position-ft": (POSITION, "the position is in feet", 0.3048),
+        "gyro-rev": (BODY_RATE, "the body rates are in revolutions per second", 2.0 * np.pi),
+        "accelerometer-g": (SPECIFIC_FORCE, "the accelerometer is in g", GRAVITY_M_S2),
+        "accelerometer-ft": (SPECIFIC_FORCE, "the accelerometer is in feet per second^2", FOOT_M),
+        "position-ft": (POSITION, "the position is in feet", FOOT_M),
         "position-cm": (POSITION, "the position is in centimetres", 0.01),
         "position-mm": (POSITION, "the position is in millimetres", 0.001),
-        "velocity-ft": (VELOCITY, "the velocity is in feet per second", 0.3048),
+        "velocity-ft": (VELOCITY, "the velocity is in feet per second", FOOT_M),
         "velocity-cm": (VELOCITY, "the velocity is in centimetres per second", 0.01),
         "velocity-kmh": (VELOCITY, "the velocity is in kilometres per hour", 1.0 / 3.6),
+        "world-ft": (length, "position, velocity and their references are in feet", FOOT_M),
+        "world-cm": (length, "position, velocity and their references are in centimetres", 0.01),
         "time-ms": (("t_s",), "the time is in milliseconds", 1e-3),
         "time-us": (("t_s",), "the time is in microseconds", 1e-6),
         "time-ns": (("t_s",), "the time is in nanoseconds", 1e-9),
     }
+    speeds = rotor_speed(n_rotors)
+    scales["rotor-speeds-double"] = (speeds, "the rotor speeds are twice what they were", 0.5)
+    for unit, (words, factor) in SPEED_UNITS.items():
+        scales[f"rotor-speeds-{unit}"] = (speeds, f"the rotor speeds are in {words}", factor)
     for name, (columns, what, factor) in scales.items():
         yield Fault(name, what, _scaled(columns, factor))
 
 
+def _numbers(n_rotors: int) -> Iterator[Fault]:
+    """List units that a vehicle file can have, and senses of rotation."""
+    thrusts, torques, x_m, y_m, spins = (
+        of_rotors(name, n_rotors) for name in ("thrust_N_s2", "torque_Nm_s2", "x_m", "y_m", "spin")
+    )
+    scales = {
+        "mass-g": ((MASS,), "the mass is in grams", 1e-3),
+        "mass-lb": ((MASS,), "the mass is in pounds", 0.45359237),
+        "mass-oz": ((MASS,), "the mass is in ounces", 0.028349523),
+        "mass-N": ((MASS,), "the mass is a weight in newtons", 1.0 / GRAVITY_M_S2),
+        "inertia-gm2": (INERTIA, "the inertia is in g m^2", 1e-3),
+        "inertia-kgcm2": (INERTIA, "the inertia is in kg cm^2", 1e-4),
+        "inertia-gcm2": (INERTIA, "the inertia is in g cm^2", 1e-7),
+        "arms-mm": ((*x_m, *y_m), "the places of the rotors are in millimetres", 1e-3),
+        "arms-cm": ((*x_m, *y_m), "the places of the rotors are in centimetres", 1e-2),
+        "arms-in": ((*x_m, *y_m), "the places of the rotors are in inches", 0.0254),
+        "thrust-all": (thrusts, "the thrust coefficient is that of all rotors", 1.0 / n_rotors),
+        "thrust-g": (thrusts, "the thrust coefficient is in grams-force", 1e-3 * GRAVITY_M_S2),
+        "full-speed-rpm": ((FULL_SPEED,), "the full rotor speed is in rpm", np.pi / 30.0),
+    }
+    for unit, (words, factor) in SPEED_UNITS.items():
+        per = f"coefficient is per square of {words}"
+        scales[f"thrust-{unit}"] = (thrusts, f"the thrust {per}", factor**-2)
+        scales[f"torque-{unit}"] = (torques, f"the torque {per}", factor**-2)
+        both = f"thrust and torque {per.replace(' is ', 's are ')}"
+        scales[f"thrust-torque-{unit}"] = ((*thrusts, *torques), both, factor**-2)
+    for name, (columns, what, factor) in scales.items():
+        yield Fault(f"file-{name}", f"{what} in the vehicle file", _scaled(columns, factor))
+    for degrees in BETWEEN_AXES_DEG[:2]:
+        what = f"the places of the rotors are turned by {-degrees:+.0f} degrees, as of + for x,"
+        places = _yawed(zip(x_m, y_m, strict=True), degrees)
+        yield Fault(f"file-arms-yaw{-degrees:+.0f}", f"{what} in the vehicle file", places)
+    for axis, hubs in {"x": x_m, "y": y_m}.items():
+        what = f"{axis} of the places of the rotors has the other sign in the vehicle file"
+        yield Fault(f"file-arms-minus-{axis}", what, _scaled(hubs, -1.0))
+    turning = "the senses of all rotors are the wrong way round in the vehicle file"
+    yield Fault("file-spins", turning, _scaled(spins, -1.0))
+
+
 def _motors(n_rotors: int) -> Iterator[Fault]:
-    yield Fault("", "the vehicle file has the senses of all rotors the wrong way round", {}, -1.0)
     speeds, commands = rotor_speed(n_rotors), command(n_rotors)
     families = {
         "motors": ("commands and rotor speeds are", (speeds, commands)),
@@ -271,7 +393,13 @@ def faults(n_rotors: int = 4) -> Mapping[str, Fault]:
     >>> faults()["gyro-deg"].what
     'the body rates are in deg/s'
     """
-    every = (*_axes(), *_units(), *_motors(n_rotors))
+    every = (
+        *_axes(),
+        *_frames(),
+        *_units(n_rotors),
+        *(_numbers(n_rotors) if n_rotors else ()),
+        *_motors(n_rotors),
+    )
     return {f.name: f for f in every}
 
 
@@ -282,25 +410,32 @@ class _Flight:
     Attributes
     ----------
     rows : its columns as they were logged.
-    on_grids : these at even times.
+    numbers : of the vehicle file; empty where it is not known.
+    on_grids : both at even times.
     """
 
     rows: Columns
+    numbers: Mapping[str, Quantity]
     on_grids: OnGrids
 
     @classmethod
-    def of(cls, frame: pd.DataFrame) -> _Flight:
+    def of(cls, frame: pd.DataFrame, numbers: Mapping[str, Quantity]) -> _Flight:
         t_s = frame["t_s"].to_numpy(dtype=float)
         rows = max(FEWEST_ROWS, int(LONGEST_S / np.median(np.diff(t_s))))
         start = max(0, (len(frame) - rows) // 2)
         known = frame.iloc[start : start + rows]
         columns = {str(c): known[c].to_numpy() for c in known}
-        return cls(columns, OnGrids.of(columns))
+        return cls(columns, numbers, OnGrids.of(columns, numbers))
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of its columns, and of the numbers."""
+        return frozenset((*self.rows, *self.numbers))
 
     def read(self, fault: Fault, changed: Collection[str]) -> OnGrids:
         """Correct the columns; what stands at other times is put on a grid of its own."""
         if "t_s" in changed:
-            return OnGrids.of({**self.rows, **fault.read(self.rows)})
+            return OnGrids.of({**self.rows, **fault.read(self.rows)}, self.numbers)
         return self.on_grids.read(fault.read)
 
 
@@ -324,19 +459,20 @@ def find_faults(
     All faults compete in one model, whichever streams they concern. The likelihood of a reading is
     that of the misfits of its pairs, each of unknown noise: log p = -sum_k (n_k / 2) log m_k. n_k
     is the number of independent windows of pair k, m_k the share of its power that does not agree.
+    Beside it stands that of the numbers of the vehicle file, whose logs have a standard deviation.
     """
-    n_rotors, rotors = (len(vehicle.rotors), vehicle.rotor_arrays()) if vehicle else (0, {})
-    read = [_Flight.of(frame) for frame in frames[:MOST_FLIGHTS]]
-    fitted = [(flight, dict(pair_fits(flight.on_grids, rotors))) for flight in read]
+    n_rotors, numbers = (len(vehicle.rotors), numbers_of(vehicle)) if vehicle else (0, {})
+    read = [_Flight.of(frame, numbers) for frame in frames[:MOST_FLIGHTS]]
+    fitted = [(flight, dict(pair_fits(flight.on_grids))) for flight in read]
     # those that show much come first, as they refute most
     fitted.sort(key=lambda pair: -_log_likelihood(pair[1]))
     flights = [flight for flight, _ in fitted]
     as_logged = {(k, what): fit for k, (_, fits) in enumerate(fitted) for what, fit in fits.items()}
-    every = _distinct(frozenset(c for flight in flights for c in flight.rows), n_rotors)
+    every = _distinct(frozenset().union(*(flight.names for flight in flights)), n_rotors)
     prior = float(np.log(PRIOR_ODDS / max(len(every), 1)))
     likely = []
     for fault, changed in every:
-        mended = _mended(fault, changed, flights, rotors, as_logged)
+        mended = _mended(fault, changed, flights, as_logged)
         if mended is not None and (gain := _gain(mended, as_logged)) + prior > 0.0:
             likely.append((gain, fault, changed))
     # what changes more than another has to explain as much more as a fault does at all
@@ -355,26 +491,25 @@ def find_faults(
 @functools.cache
 def _distinct(logged: frozenset[str], n_rotors: int) -> tuple[tuple[Fault, frozenset[str]], ...]:
     """List faults that read a log otherwise, each reading once, with what they change."""
-    distinct: dict[frozenset[tuple[str, tuple[str, float]]], Fault] = {}
+    distinct: dict[frozenset[tuple[str, frozenset[tuple[str, float]]]], Fault] = {}
     for fault in faults(n_rotors).values():
         if changes := fault.changes(logged):
-            distinct.setdefault(frozenset(changes.items()), fault)
-    return tuple((fault, frozenset(c for c, _ in of)) for of, fault in distinct.items())
+            key = frozenset((c, frozenset(of.items())) for c, of in changes.items())
+            distinct.setdefault(key, fault)
+    return tuple((fault, frozenset(c for c, _ in key)) for key, fault in distinct.items())
 
 
 def _mended(
     fault: Fault,
     changed: Collection[str],
     flights: Sequence[_Flight],
-    rotors: Mapping[str, np.ndarray],
     as_logged: Fits,
 ) -> Fits | None:
     """Compute fits of corrected flights, by flight and pair; None where one refutes the fault."""
     mended = {key: fit for key, fit in as_logged.items() if fit.columns.isdisjoint(changed)}
-    turned = {**rotors, "spin": fault.senses * rotors["spin"]} if rotors else rotors
     so_far = 0.0
     for k, flight in enumerate(flights):
-        for what, fit in pair_fits(flight.read(fault, changed), turned, changed):
+        for what, fit in pair_fits(flight.read(fault, changed), changed):
             mended[k, what] = fit
             so_far += fit.log_likelihood
             if (k, what) in as_logged:
@@ -389,20 +524,43 @@ def _gain(mended: Fits, as_logged: Fits) -> float:
 
     It is none where they leave too much of the misfit.
     """
-    differ = [key for key in mended | as_logged if mended.get(key) != as_logged.get(key)]
+    # a size that is no longer there speaks for nothing
+    sized, stated = _by_pair(mended), _by_pair(as_logged)
+    sizes = sum(
+        size_log_likelihood(sized[what]) - size_log_likelihood(stated[what])
+        for what in sorted(sized.keys() & stated.keys())
+    )
+    # what only changes in size has the misfit that it had, but for rounding
+    differ = [
+        key
+        for key in mended | as_logged
+        if not abs(_nats(mended, key) - _nats(as_logged, key)) < ROUNDING_NATS
+    ]
     after, before = ({key: of[key] for key in differ if key in of} for of in (mended, as_logged))
     gain = _log_likelihood(after) - _log_likelihood(before)
     windows = sum((after | before)[key].windows for key in differ)
     if windows == 0.0:
-        return 0.0
+        return sizes
     # geometric means over these windows
     misfit, left = (np.exp(-2.0 * nats / windows) for nats in (_log_likelihood(before), gain))
     largest = AGREED_MISFIT if misfit < AGREED_MISFIT else LARGEST_MISFIT
-    return gain if left <= largest else 0.0
+    return gain + sizes if left <= largest else 0.0
+
+
+def _nats(fits: Fits, key: tuple[int, str]) -> float:
+    return fits[key].log_likelihood if key in fits else np.nan
 
 
 def _log_likelihood(fits: Mapping[Any, PairFit]) -> float:
     return sum(fit.log_likelihood for fit in fits.values())
+
+
+def _by_pair(fits: Fits) -> dict[str, list[PairFit]]:
+    of_pair: dict[str, list[PairFit]] = {}
+    for (_, what), fit in fits.items():
+        if fit.log_size is not None:
+            of_pair.setdefault(what, []).append(fit)
+    return of_pair
 
 
 def sentence(alike: Sequence[Fault], log_odds: float) -> str:
@@ -416,6 +574,6 @@ def sentence(alike: Sequence[Fault], log_odds: float) -> str:
         f"10^{log_odds / np.log(10.0):.0f}" if log_odds > np.log(1e6) else f"{np.exp(log_odds):.0f}"
     )
     what = "; or ".join(f.what for f in alike[:3])
-    options = [f"--mend {f.name}" for f in alike[:3] if f.name]
-    mend = f"; {' or '.join(options)} reads it so" if options else "; mend it"
+    options = [f"--mend {f.name}" for f in alike[:3] if not f.in_file]
+    mend = f"; {' or '.join(options)} reads it so" if options else "; correct the vehicle file"
     return f"its streams do not fit one another as they are told: {what} (odds {odds} : 1){mend}"

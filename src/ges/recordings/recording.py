@@ -27,6 +27,7 @@ from ges.conventions import (
     VELOCITY,
     VELOCITY_REF,
     command,
+    commands_in,
     motor_current,
     rotor_speed,
 )
@@ -56,7 +57,7 @@ _UNITS = {
     **dict.fromkeys(SPECIFIC_FORCE, "m/s^2"),
 }
 
-_FAR = 4.0  # rotor speeds over hover that no vehicle reaches; rpm are 9.5 times too large
+_FULL_SCALE_NOISE = 0.02  # of commands about zero
 _LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
 
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
@@ -170,30 +171,29 @@ def _require_numbers(name: str, frame: pd.DataFrame, column: str) -> None:
         raise GesError(f"{name}: column {column} holds {frame[column].dtype}, not numbers")
 
 
-def _contradiction(name: str, frame: pd.DataFrame, hover_rad_s: float) -> str | None:
-    """Find a unit or an axis that other columns or the vehicle's weight refute.
+def _contradiction(name: str, frame: pd.DataFrame) -> str | None:
+    """Find a scale, a unit or an axis that the column itself or gravity refutes.
 
     Returns
     -------
     One sentence with what to do; None where nothing is refuted.
     """
     checks = (
-        _too_fast(frame, hover_rad_s),
+        _below_zero(frame),
         _wrong_force(frame),
         _wrong_heading(frame),
     )
     return next((f"{name}: {problem}" for problem in checks if problem), None)
 
 
-def _too_fast(frame: pd.DataFrame, hover_rad_s: float) -> str | None:
-    speeds = [c for c in frame if c.startswith("rotor_speed_") and unit_of(c)]
-    # a quantile, as single spikes are no wrong unit
-    top = max((float(np.nanquantile(frame[c], 0.95)) for c in speeds), default=0.0)
-    if top > _FAR * hover_rad_s:
-        return (
-            f"rotor speeds reach {top:.0f} rad/s where the vehicle hovers at {hover_rad_s:.0f}:"
-            " they look like rpm; convert to rad/s or mend the vehicle's thrust coefficient"
-        )
+def _below_zero(frame: pd.DataFrame) -> str | None:
+    for column in commands_in(frame):
+        # a quantile, as single spikes are no other scale
+        if (least := float(np.nanquantile(frame[column], 0.01))) < -_FULL_SCALE_NOISE:
+            return (
+                f"{column} falls to {least:.2g}: commands are 0..1; where they are -1..1 take"
+                " (u + 1) / 2"
+            )
     return None
 
 
@@ -327,19 +327,17 @@ def make_set(
     >>> [flight.name for flight in half.flights]
     ['first half']
     """
-    known = faults.faults(len(vehicle.rotors))
+    known = {f.name: f for f in faults.faults(len(vehicle.rotors)).values() if not f.in_file}
     if wrong := [name for name in mends if name not in known]:
-        names = [name for name in known if name]
         # each order and sign of each stream: hundreds
-        raise unknown_name("mend", wrong[0], names, "docs/importing.md")
+        raise unknown_name("mend", wrong[0], list(known), "docs/importing.md")
     flights, warnings = [], [f"read with --mend {name}: {known[name].what}" for name in mends]
-    hover = vehicle.hover_speed_rad_s()
     for name, given in frames:
         frame = given
         for mend in mends:
             frame = known[mend].mend(frame)
         good, noticed = checked_frame(name, frame.drop(columns=_of_no_rotor(frame, vehicle)))
-        if problem := _contradiction(name, good, hover):
+        if problem := _contradiction(name, good):
             raise GesError(problem)
         flights.append(RecordedFlight(name, good))
         warnings += noticed
