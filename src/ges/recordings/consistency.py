@@ -140,8 +140,8 @@ def size_log_likelihood(fits: Sequence[PairFit]) -> float:
 
     Returns
     -------
-    log N(x; 0, s), less its greatest value without these uncertainties. x is the mean of the log sizes: all
-    flights have the same numbers, so that they count once.
+    log N(x; 0, s), less its greatest value without these uncertainties. x is the mean of the log
+    sizes: all flights have the same numbers, so that they count once.
     """
     size, sd = np.mean([(fit.log_size or 0.0, fit.log_size_sd) for fit in fits], axis=0)
     variance = _SIZE_SD**2 + sd**2
