@@ -24,7 +24,8 @@ def log_mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     # mirrored into the lower tail, where the logarithm of the distribution keeps its digits
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     with np.errstate(divide="ignore"):
-        return log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
+        below_high = log_ndtr(high)
+        return below_high + np.log1p(-np.exp(log_ndtr(low) - below_high))
 
 
 def log_mass_within(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -219,16 +218,19 @@ class SetScorer:
         """Return indices, columns and posteriors of sets, for all of one shape at once."""
         # sets of one shape are one stack of matrices; few enough at once for the memory
         by_shape: dict[tuple[int, int], list[tuple[int, tuple[int, ...], tuple[int, ...]]]] = {}
+        every = {e.index: e for chosen in sets for e in chosen}
+        index = self.freed_nuisances.index
+        freed_by = {
+            i: tuple(index[key] for key in e.keys if key in index) for i, e in every.items()
+        }
         for i, chosen in enumerate(sets):
-            own = tuple(itertools.chain.from_iterable(e.columns for e in chosen))
-            freed = tuple(
-                {
-                    self.freed_nuisances.index[key]: 0
-                    for e in chosen
-                    for key in e.keys
-                    if key in self.freed_nuisances.index
-                }
-            )
+            own: tuple[int, ...] = ()
+            freed: tuple[int, ...] = ()
+            for e in chosen:
+                own += e.columns
+                freed += freed_by[e.index]
+            if len(freed) > 1:
+                freed = tuple(dict.fromkeys(freed))
             by_shape.setdefault((len(own), len(freed)), []).append((i, own, freed))
         most = settings.numerics.sets_at_once
         stacks = [

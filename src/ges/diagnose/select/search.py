@@ -139,6 +139,23 @@ def _can_act_together(names: Sequence[str], base: Sequence[str]) -> bool:
     return all(has_prerequisite(n, present) for n in names)
 
 
+def _pairs(listed: Sequence[Entry], base: Sequence[str]) -> list[tuple[Entry, ...]]:
+    """Return each variant that can act alone, and each two of two names that can act together."""
+    names = {e.name for e in listed}
+    alone = {name for name in names if _can_act_together([name], base)}
+    # there are few names, and thousands of pairs
+    together = {
+        (one, other)
+        for one, other in itertools.permutations(names, 2)
+        if _can_act_together([one, other], base)
+    }
+    return [(e,) for e in listed if e.name in alone] + [
+        pair
+        for pair in itertools.combinations(listed, 2)
+        if (pair[0].name, pair[1].name) in together
+    ]
+
+
 def _hypotheses_of(
     scorer: SetScorer, combos: Sequence[tuple[Entry, ...]], count: int
 ) -> dict[tuple[str, ...], Hypothesis]:
@@ -146,12 +163,16 @@ def _hypotheses_of(
 
     Evidence is averaged over variants.
     """
-    share = np.array([sum(e.log_share for e in combo) for combo in combos])
+    share = np.array([sum([e.log_share for e in combo]) for combo in combos])
     weight = scorer.log_evidences(combos) + share
-    grouped: dict[tuple[str, ...], list[int]] = {}
+    as_listed: dict[tuple[str, ...], list[int]] = {}
     for i, combo in enumerate(combos):
-        grouped.setdefault(tuple(sorted(e.name for e in combo)), []).append(i)
-    best = [combos[max(members, key=lambda i: weight[i])] for members in grouped.values()]
+        as_listed.setdefault(tuple([e.name for e in combo]), []).append(i)
+    grouped: dict[tuple[str, ...], list[int]] = {}
+    for names, same in as_listed.items():
+        key = tuple(sorted(names))
+        grouped[key] = sorted(grouped[key] + same) if key in grouped else same
+    best = [combos[members[int(np.argmax(weight[members]))]] for members in grouped.values()]
     out = {}
     for (names, members), top, posterior in zip(
         grouped.items(), best, scorer.posteriors(best), strict=True
@@ -184,22 +205,26 @@ def search(
     hypotheses: dict[tuple[str, ...], Hypothesis] = {
         (): Hypothesis((), (), Posterior.empty(), nothing, log_prior=nothing)
     }
-    combos = [(e,) for e in listed] + [
-        p for p in itertools.combinations(listed, 2) if p[0].name != p[1].name
-    ]
-    hypotheses |= _hypotheses_of(
-        scorer, [c for c in combos if _can_act_together([e.name for e in c], base)], count
-    )
+    hypotheses |= _hypotheses_of(scorer, _pairs(listed, base), count)
     # beam: a larger set has one of the best sets so far, with its best variants, and one name more
     for size in range(2, len(settings.search.size_probabilities) - 1):
         grown = [h for h in hypotheses.values() if len(h.names) == size]
         top = sorted(grown, key=lambda h: -h.log_evidence)[: settings.search.beam]
         by_index = {e.index: e for e in listed}
+        every = {e.name for e in listed}
+        more = {
+            h.names: {
+                name
+                for name in every
+                if name not in h.names and _can_act_together([*h.names, name], base)
+            }
+            for h in top
+        }
         larger = [
             (*(by_index[i] for i in h.variants), e)
             for h in top
             for e in listed
-            if e.name not in h.names and _can_act_together([*h.names, e.name], base)
+            if e.name in more[h.names]
         ]
         for names, h in _hypotheses_of(scorer, larger, count).items():
             if names not in hypotheses or hypotheses[names].log_evidence < h.log_evidence:
