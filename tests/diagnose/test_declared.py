@@ -12,7 +12,7 @@ from ges.diagnose.estimate.recalibrate import operating_point
 from ges.diagnose.library.candidates import flight_envelope
 from ges.diagnose.library.grids import library, out_of_reach
 from ges.diagnose.prepare.gate import pass_gate
-from ges.diagnose.report.verdict import verdict_of
+from ges.diagnose.report.verdict import remark_of, verdict_of
 from ges.diagnose.types.model import from_vehicle
 from ges.errors import GesError
 from ges.recordings.recording import make_set
@@ -70,6 +70,13 @@ def test_a_declared_number_beyond_four_sds_is_a_finding(flown, sheet, share):
     assert ("wrong about max rotor speed" in found.sentence) == (share < 1.0)
     moved = found.calibration["vehicle.max_rotor_speed_rad_s"]["value"]
     assert moved == pytest.approx(1000 * (1.0 - share), abs=10.0)
+
+
+def test_a_number_with_two_corrections_is_contradicted_once():
+    up = Contradicted("motor_lag.up_s", -0.027, 0.001, 0.005, -0.9)
+    down = Contradicted("motor_lag.down_s", -0.026, 0.001, 0.005, -0.87)
+    remark = remark_of("parameter", [up, down], None, {})
+    assert remark == up.sentence() and "motor_time_constant_s" in remark
 
 
 def test_calibrate_refuses_a_file_that_is_too_far_off(flown, sheet):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ges.diagnose.decide.contradicted import Contradicted
+from ges.diagnose.decide.contradicted import Contradicted, corrected_numbers
 from ges.diagnose.decide.laws import FittedLaw
 from ges.diagnose.detectors.balance import Shift
 from ges.diagnose.detectors.thrust import UnmeasuredThrust
@@ -65,6 +65,8 @@ def remark_of(
     not cover.
     """
     sentences = [unnamed_cause.sentence()] if unnamed_cause else []
-    sentences += [parameter.sentence() for parameter in contradicted]
+    # the farthest first: of several corrections of one number, as lags up and down, it stands alone
+    of_number = {corrected_numbers(c.key): c for c in reversed(contradicted)}
+    sentences += [c.sentence() for c in contradicted if c is of_number[corrected_numbers(c.key)]]
     sentences += [silent_channels_words(off)] if verdict == "nothing_proven" else []
     return " ".join(s.strip() for s in sentences if s)
