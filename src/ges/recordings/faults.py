@@ -127,9 +127,9 @@ class Fault:
         These as they should have been.
         """
         sums = {
-            c: sum(by * as_logged[held] for held, by in of.items())
+            c: sum(by * as_logged[source] for source, by in of.items())
             for c, of in self.reading.items()
-            if all(held in as_logged for held in of)
+            if all(source in as_logged for source in of)
         }
         if not self.changes_frame(as_logged):
             return sums
@@ -157,7 +157,7 @@ class Fault:
         changed = {
             c: of
             for c, of in self.reading.items()
-            if all(held in logged for held in of) and of != {c: 1.0}
+            if all(source in logged for source in of) and of != {c: 1.0}
         }
         if self.changes_frame(logged):
             changed |= {c: {f"{c}, not in the {self.frame} frame": 1.0} for c in self.turned}
@@ -181,9 +181,9 @@ def _ordered(
 ) -> Reading:
     """Read column i of each stream as ``order[i]``; those of ``minus`` have the other sign."""
     return {
-        columns[k]: {held: -1.0 if k in minus else 1.0}
+        columns[k]: {source: -1.0 if k in minus else 1.0}
         for columns in streams
-        for k, held in zip(order, columns, strict=True)
+        for k, source in zip(order, columns, strict=True)
     }
 
 
@@ -256,9 +256,9 @@ def _reoriented(
     """Make the fault that axes stand in another order or have another sign; none if neither."""
     what = []
     if list(order) != sorted(order):
-        held = [axes[k] for k in order]
-        name = f"{name}-{''.join(held)}"
-        what.append(f"{stand} in the order {', '.join(held)}")
+        sources = [axes[k] for k in order]
+        name = f"{name}-{''.join(sources)}"
+        what.append(f"{stand} in the order {', '.join(sources)}")
     if minus:
         turned = [axes[k] for k in minus]
         name = f"{name}-minus-{''.join(turned)}"
