@@ -247,6 +247,23 @@ def test_streams_in_another_unit(frames, name, columns, unit):
     pd.testing.assert_frame_equal(alike[0].mend(spoilt[0]), frames[0])
 
 
+@pytest.mark.parametrize(
+    ("name", "columns", "unit"),
+    [
+        ("position-mm", POSITION, 1e-6),
+        ("gyro-deg", GYRO, np.pi / 1800.0),
+        ("accelerometer-g", ACCELEROMETER, 9.80665),
+        ("rotor-speeds-rpm", SPEEDS, RPM),
+    ],
+)
+def test_a_size_that_cannot_be_is_refused_with_what_reads_it(frames, name, columns, unit):
+    """What is seen in one column alone is mended like what streams say of each other."""
+    flown = frames[0]
+    told = flown.assign(**{c: flown[c] / unit for c in columns})
+    with pytest.raises(GesError, match=f"--mend {name} reads it so"):
+        make_set(VEHICLE, [("f", told)])
+
+
 def _with(**numbers) -> Vehicle:
     """The vehicle with numbers multiplied, and all of its rotors where they are of these."""
     rotor = {"x_m", "y_m"} & set(numbers)

@@ -62,10 +62,10 @@ _LOWEST_FORCE_M_S2 = 3.0  # no vehicle falls freely most of the time
 
 # Largest believable magnitude of a column in its unit, and what is usually wrong beyond it.
 _PLAUSIBLE = (
-    ("p_", 1e5, "it looks like millimetres; convert to m"),
+    ("p_", 1e5, "it looks like millimetres; --mend position-mm reads it so"),
     ("v_", 300.0, "it looks like millimetres per second; convert to m/s"),
-    ("rotor_speed_", 4500.0, "it looks like rpm; convert to rad/s"),
-    ("omega_", 60.0, "it looks like degrees per second; convert to rad/s"),
+    ("rotor_speed_", 4500.0, "it looks like rpm; --mend rotor-speeds-rpm reads it so"),
+    ("omega_", 60.0, "it looks like degrees per second; --mend gyro-deg reads it so"),
     ("acc_", 400.0, "it looks like a raw count or mm/s^2; convert to m/s^2"),
     ("battery_V", 200.0, "it looks like millivolts; convert to V"),
     ("range_m", 500.0, "it looks like millimetres; convert to m"),
@@ -204,8 +204,8 @@ def _wrong_force(frame: pd.DataFrame) -> str | None:
     size = float(np.nanmedian(np.linalg.norm(frame[list(SPECIFIC_FORCE)], axis=1)))
     if 0 < size < _LOWEST_FORCE_M_S2:
         return (
-            f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g; convert"
-            " to m/s^2"
+            f"the accelerometer reads {size:.2g} m/s^2 most of the time: it looks like g;"
+            " --mend accelerometer-g reads it so"
         )
     usual = float(np.nanmedian(frame["acc_z_m_s2"]))
     if usual < -_LOWEST_FORCE_M_S2:
