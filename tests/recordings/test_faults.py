@@ -331,6 +331,19 @@ def test_vehicle_files_in_another_unit(shaken, name, numbers):
     assert "--mend" not in said
 
 
+def test_a_vehicle_that_stands_with_idle_rotors_is_not_weighed(shaken):
+    """The ground carried it, and its mass was told to be a weight in newtons."""
+    rng, (flown,) = np.random.default_rng(5), shaken
+    idle = {name: 0.3 * flown[name] for name in (*SPEEDS, *COMMANDS)}
+    rates = {name: rng.normal(0.0, 0.02, len(flown)) for name in GYRO}
+    force = {
+        name: rng.normal(g, 0.1, len(flown))
+        for name, g in zip(ACCELEROMETER, (0.0, 0.0, 9.8), strict=True)
+    }
+    standing = flown.assign(**idle, **rates, **force)
+    assert faults.find_faults([standing], VEHICLE) == ([], 0.0)
+
+
 @pytest.mark.parametrize(
     "numbers",
     [

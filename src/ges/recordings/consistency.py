@@ -28,6 +28,8 @@ _FAST_STEP_S, _FAST_SMOOTH_S = 0.01, 0.05
 _LONGEST_GAP_S = 0.5
 _FEWEST = 100
 _STILL = 1e-6
+# smooth body rates of a vehicle in the air scatter by more, however calm it is
+_STANDING_RAD_S = 0.01
 _LEAST_UPRIGHT = 0.2
 # a pair never agrees better than clocks and filters let it
 _LEAST_MISFIT = 1e-3
@@ -484,13 +486,16 @@ def _level_ties(frame: Columns) -> Iterator[_Tie]:
     lift = _Side("lift", (speeds, thrusts), lambda w, k: (w**2) @ k[:, None])
     # upright most of the time, and on average not accelerated
     felt = SPECIFIC_FORCE if all(c in frame for c in SPECIFIC_FORCE) else speeds
-    weight = _Side(
-        "weight",
-        (felt, (MASS,)),
-        lambda f, m: (
-            m * (f[:, 2:3] if felt == SPECIFIC_FORCE else np.full((len(f), 1), GRAVITY_M_S2))
-        ),
-    )
+    rates = [BODY_RATE] if all(c in frame for c in BODY_RATE) else []
+
+    def weigh(of: np.ndarray, mass: np.ndarray, *rates: np.ndarray) -> np.ndarray:
+        force = of[:, 2:3] if felt == SPECIFIC_FORCE else np.full((len(of), 1), GRAVITY_M_S2)
+        turning = [_smooth(rate, _SMOOTH_S / _STEP_S)[0].std(axis=0) for rate in rates]
+        # the ground carries what stands on it
+        stands = any(sds.max() < _STANDING_RAD_S for sds in turning)
+        return np.full_like(force, np.nan) if stands else mass * force
+
+    weight = _Side("weight", (felt, (MASS,), *rates), weigh)
     yield from _logged(frame, _Tie(["weight and thrust"], (weight, lift), level=True))
     if len(commands) == len(speeds):
         names = [f"{w} and the full speed" for w in speeds]
