@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -229,7 +230,7 @@ class _Side:
     streams: tuple[tuple[str, ...], ...]
     of: Callable[..., np.ndarray]
 
-    @property
+    @functools.cached_property
     def columns(self) -> frozenset[str]:
         return frozenset(c for stream in self.streams for c in stream)
 
@@ -270,9 +271,14 @@ class _Tie:
     sized: Sequence[bool] = ()
     level: bool = False
 
-    @property
+    @functools.cached_property
     def columns(self) -> frozenset[str]:
         return self.sides[0].columns | self.sides[1].columns
+
+    @functools.cached_property
+    def depends_on(self) -> frozenset[str]:
+        """What its fits change with: a size has no windows, and is the same at other times."""
+        return self.columns if self.level else self.columns | {"t_s"}
 
     def pairs(self, flight: OnGrids) -> Pairs:
         """Give both of each pair, smooth and about their means, where they have samples."""
@@ -296,17 +302,17 @@ class _Tie:
         """Measure how well both of each pair agree."""
         # width of a box that averages noise as the smoothing does; no window is shorter
         window = self.step_s / max(2.0 * np.sqrt(np.pi) * self.smooth_s, flight.row_s)
-        columns = self.columns if self.level else self.columns | {"t_s"}
         sized = dict(zip(self.names, self.sized, strict=False))
         stated = np.sqrt(sum(flight.sd_rel.get(c, 0.0) ** 2 for c in self.columns))
         for what, a, b in self.pairs(flight):
             both, either = a @ b, np.sqrt((a @ a) * (b @ b))
             if self.level:
                 size = float(np.log(max(both / (b @ b), _STILL)))
-                yield what, PairFit(1.0, 0.0, columns, size, float(stated))
+                yield what, PairFit(1.0, 0.0, self.depends_on, size, float(stated))
                 continue
             power = either if self.free else 0.5 * (a @ a + b @ b)
-            fit = PairFit(1.0 - max(0.0, float(both / power)) ** 2, len(a) * window, columns)
+            misfit = 1.0 - max(0.0, float(both / power)) ** 2
+            fit = PairFit(misfit, len(a) * window, self.depends_on)
             if sized.get(what) and both > 0.0:
                 # between the regressions of either on the other
                 size, noise = 0.5 * np.log((a @ a) / (b @ b)), np.log(either / both)
@@ -372,11 +378,16 @@ def pair_fits(
     A factor between the two of a pair is free where motors are in it, but not below zero. Where
     speeds were logged its size is compared with the numbers of the vehicle file.
     """
-    frame = flight.logged
-    ties = (*_kinematic_ties(frame), *_drive_ties(frame), *_mixer_ties(frame), *_level_ties(frame))
-    for tie in ties:
-        if among is None or not (tie.columns | {"t_s"}).isdisjoint(among):
+    for tie in _ties(frozenset(flight.logged)):
+        if among is None or not tie.depends_on.isdisjoint(among):
             yield from tie.fits(flight)
+
+
+@functools.cache
+def _ties(names: frozenset[str]) -> tuple[_Tie, ...]:
+    """List the ties of a log and its vehicle file, by the names of what they hold."""
+    of = (_kinematic_ties, _drive_ties, _mixer_ties, _level_ties)
+    return tuple(tie for ties in of for tie in ties(names))
 
 
 def _grid(t_s: np.ndarray, step_s: float) -> np.ndarray | None:
@@ -387,25 +398,25 @@ def _grid(t_s: np.ndarray, step_s: float) -> np.ndarray | None:
     return grid if len(grid) >= _FEWEST else None
 
 
-def _kinematic_ties(frame: Columns) -> Iterator[_Tie]:
+def _kinematic_ties(logged: Collection[str]) -> Iterator[_Tie]:
     turning = _Side("turning of the attitude", (QUATERNION,), lambda q: _rates(q, _STEP_S))
     names = [f"{c} and the turning of the attitude" for c in BODY_RATE]
-    yield from _logged(frame, _Tie(names, (_Side("gyro", (BODY_RATE,), _itself), turning)))
+    yield from _logged(logged, _Tie(names, (_Side("gyro", (BODY_RATE,), _itself), turning)))
     speeding = _Side("acceleration", (VELOCITY,), lambda v: np.gradient(v, _STEP_S, axis=0))
-    if all(c in frame for c in SPECIFIC_FORCE):
+    if all(c in logged for c in SPECIFIC_FORCE):
         felt = _Side("felt acceleration", (QUATERNION, SPECIFIC_FORCE), _felt_acceleration)
         names = [f"d({c})/dt and the accelerometer" for c in VELOCITY]
     else:
         felt = _Side("tilt", (QUATERNION,), _tilt_acceleration)
         names = [f"d({c})/dt and the tilt" for c in VELOCITY[:2]]
-    yield from _logged(frame, _Tie(names, (speeding, felt)))
+    yield from _logged(logged, _Tie(names, (speeding, felt)))
     moving = _Side("motion", (POSITION,), lambda p: np.gradient(p, _STEP_S, axis=0))
     names = [f"d({p})/dt and {v}" for p, v in zip(POSITION, VELOCITY, strict=True)]
-    yield from _logged(frame, _Tie(names, (moving, _Side("velocity", (VELOCITY,), _itself))))
+    yield from _logged(logged, _Tie(names, (moving, _Side("velocity", (VELOCITY,), _itself))))
 
 
-def _logged(frame: Columns, tie: _Tie) -> Iterator[_Tie]:
-    if all(c in frame for c in tie.columns):
+def _logged(logged: Collection[str], tie: _Tie) -> Iterator[_Tie]:
+    if all(c in logged for c in tie.columns):
         yield tie
 
 
@@ -423,16 +434,16 @@ def _tilt_acceleration(q: np.ndarray) -> np.ndarray:
     return GRAVITY_M_S2 * axis[:, :2] / np.maximum(axis[:, 2:], _LEAST_UPRIGHT)
 
 
-def _thrust_ties(frame: Columns) -> Iterator[_Tie]:
-    name, columns, power = _push(frame)
+def _thrust_ties(logged: Collection[str]) -> Iterator[_Tie]:
+    name, columns, power = _push(logged)
     if columns:
         force = _Side("force", (SPECIFIC_FORCE,), lambda f: f[:, 2:])
         push = _Side("push", (columns,), lambda p: (p**power).sum(axis=1, keepdims=True))
-        yield from _logged(frame, _Tie([f"acc_z_m_s2 and {name}"], (force, push)))
+        yield from _logged(logged, _Tie([f"acc_z_m_s2 and {name}"], (force, push)))
 
 
-def _drive_ties(frame: Columns) -> Iterator[_Tie]:
-    commands, speeds = commands_in(frame), rotor_speeds_in(frame)
+def _drive_ties(logged: Collection[str]) -> Iterator[_Tie]:
+    commands, speeds = commands_in(logged), rotor_speeds_in(logged)
     if len(commands) == len(speeds) > 0:
         names = [f"{u} and {w}" for u, w in zip(commands, speeds, strict=True)]
         asked = _Side("shares of the commands", (commands,), _shares)
@@ -440,21 +451,21 @@ def _drive_ties(frame: Columns) -> Iterator[_Tie]:
         yield _Tie(names, (asked, made), free=True)
 
 
-def _mixer_ties(frame: Columns) -> Iterator[_Tie]:
-    _, columns, power = _push(frame)
+def _mixer_ties(logged: Collection[str]) -> Iterator[_Tie]:
+    _, columns, power = _push(logged)
     n_rotors = len(columns)
-    logged = [s for s in (BODY_RATE, QUATERNION) if all(c in frame for c in s)]
+    turning = [s for s in (BODY_RATE, QUATERNION) if all(c in logged for c in s)]
     arms = [of_rotors(name, n_rotors) for name in ("x_m", "y_m", "spin", "thrust_N_s2")]
-    known = all(c in frame for names in arms for c in names)
+    known = all(c in logged for names in arms for c in names)
     # a file of another number of rotors says nothing of these
-    if not logged or not n_rotors or not known or of_rotors("spin", n_rotors + 1)[-1] in frame:
+    if not turning or not n_rotors or not known or of_rotors("spin", n_rotors + 1)[-1] in logged:
         return
     torques = of_rotors("torque_Nm_s2", n_rotors)
-    with_torque = torques[0] in frame
-    sized = power == 2 and INERTIA[0] in frame
+    with_torque = torques[0] in logged
+    sized = power == 2 and INERTIA[0] in logged
 
     def turn(stream: np.ndarray) -> np.ndarray:
-        rates = stream if logged[0] == BODY_RATE else _rates(stream, _FAST_STEP_S)
+        rates = stream if turning[0] == BODY_RATE else _rates(stream, _FAST_STEP_S)
         return np.gradient(rates, _FAST_STEP_S, axis=0)
 
     def mix(push: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
@@ -470,7 +481,7 @@ def _mixer_ties(frame: Columns) -> Iterator[_Tie]:
     more = [*([torques] if with_torque else []), *([INERTIA] if sized else [])]
     yield _Tie(
         [f"mixer in {axis}" for axis in _TURNS],
-        (_Side("turn", (logged[0],), turn), _Side("mixer", (columns, *arms, *more), mix)),
+        (_Side("turn", (turning[0],), turn), _Side("mixer", (columns, *arms, *more), mix)),
         _FAST_STEP_S,
         _FAST_SMOOTH_S,
         free=True,
@@ -478,15 +489,15 @@ def _mixer_ties(frame: Columns) -> Iterator[_Tie]:
     )
 
 
-def _level_ties(frame: Columns) -> Iterator[_Tie]:
-    commands, speeds = commands_in(frame), rotor_speeds_in(frame)
+def _level_ties(logged: Collection[str]) -> Iterator[_Tie]:
+    commands, speeds = commands_in(logged), rotor_speeds_in(logged)
     if not speeds:
         return
     thrusts = of_rotors("thrust_N_s2", len(speeds))
     lift = _Side("lift", (speeds, thrusts), lambda w, k: (w**2) @ k[:, None])
     # upright most of the time, and on average not accelerated
-    felt = SPECIFIC_FORCE if all(c in frame for c in SPECIFIC_FORCE) else speeds
-    rates = [BODY_RATE] if all(c in frame for c in BODY_RATE) else []
+    felt = SPECIFIC_FORCE if all(c in logged for c in SPECIFIC_FORCE) else speeds
+    rates = [BODY_RATE] if all(c in logged for c in BODY_RATE) else []
 
     def weigh(of: np.ndarray, mass: np.ndarray, *rates: np.ndarray) -> np.ndarray:
         force = of[:, 2:3] if felt == SPECIFIC_FORCE else np.full((len(of), 1), GRAVITY_M_S2)
@@ -496,20 +507,20 @@ def _level_ties(frame: Columns) -> Iterator[_Tie]:
         return np.full_like(force, np.nan) if stands else mass * force
 
     weight = _Side("weight", (felt, (MASS,), *rates), weigh)
-    yield from _logged(frame, _Tie(["weight and thrust"], (weight, lift), level=True))
+    yield from _logged(logged, _Tie(["weight and thrust"], (weight, lift), level=True))
     if len(commands) == len(speeds):
         names = [f"{w} and the full speed" for w in speeds]
         turned = _Side("rotor speeds", (speeds,), _itself)
         asked = _Side("speeds asked for", (commands, (FULL_SPEED,)), lambda u, full: u * full)
-        yield from _logged(frame, _Tie(names, (turned, asked), level=True))
+        yield from _logged(logged, _Tie(names, (turned, asked), level=True))
 
 
-def _push(frame: Columns) -> tuple[str, tuple[str, ...], int]:
+def _push(logged: Collection[str]) -> tuple[str, tuple[str, ...], int]:
     """Name what goes with the thrust of every rotor, its columns (none if not logged) and power."""
     # speeds first: thrust goes with their square, whatever the drive does
-    if speeds := rotor_speeds_in(frame):
+    if speeds := rotor_speeds_in(logged):
         return "squared rotor speeds", speeds, 2
-    return "commands", commands_in(frame), 1
+    return "commands", commands_in(logged), 1
 
 
 def _shares(values: np.ndarray) -> np.ndarray:

@@ -531,24 +531,22 @@ def _gain(mended: Fits, as_logged: Fits) -> float:
         for what in sorted(sized.keys() & stated.keys())
     )
     # what only changes in size has the misfit that it had, but for rounding
-    differ = [
+    same = {
         key
-        for key in mended | as_logged
-        if not abs(_nats(mended, key) - _nats(as_logged, key)) < ROUNDING_NATS
-    ]
-    after, before = ({key: of[key] for key in differ if key in of} for of in (mended, as_logged))
+        for key in mended.keys() & as_logged.keys()
+        if abs(mended[key].log_likelihood - as_logged[key].log_likelihood) < ROUNDING_NATS
+    }
+    after, before = (
+        {key: fit for key, fit in of.items() if key not in same} for of in (mended, as_logged)
+    )
     gain = _log_likelihood(after) - _log_likelihood(before)
-    windows = sum((after | before)[key].windows for key in differ)
+    windows = sum(fit.windows for fit in (after | before).values())
     if windows == 0.0:
         return sizes
     # geometric means over these windows
     misfit, left = (np.exp(-2.0 * nats / windows) for nats in (_log_likelihood(before), gain))
     largest = AGREED_MISFIT if misfit < AGREED_MISFIT else LARGEST_MISFIT
     return gain + sizes if left <= largest else 0.0
-
-
-def _nats(fits: Fits, key: tuple[int, str]) -> float:
-    return fits[key].log_likelihood if key in fits else np.nan
 
 
 def _log_likelihood(fits: Mapping[Any, PairFit]) -> float:

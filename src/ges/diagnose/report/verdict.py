@@ -66,7 +66,9 @@ def remark_of(
     """
     sentences = [unnamed_cause.sentence()] if unnamed_cause else []
     # the farthest first: of several corrections of one number, as lags up and down, it stands alone
-    of_number = {corrected_numbers(c.key): c for c in reversed(contradicted)}
-    sentences += [c.sentence() for c in contradicted if c is of_number[corrected_numbers(c.key)]]
+    of_number: dict[str, Contradicted] = {}
+    for parameter in contradicted:
+        of_number.setdefault(corrected_numbers(parameter.key), parameter)
+    sentences += [parameter.sentence() for parameter in of_number.values()]
     sentences += [silent_channels_words(off)] if verdict == "nothing_proven" else []
     return " ".join(s.strip() for s in sentences if s)

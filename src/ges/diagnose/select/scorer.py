@@ -229,8 +229,7 @@ class SetScorer:
             for e in chosen:
                 own += e.columns
                 freed += freed_by[e.index]
-            if len(freed) > 1:
-                freed = tuple(dict.fromkeys(freed))
+            freed = tuple(dict.fromkeys(freed))
             by_shape.setdefault((len(own), len(freed)), []).append((i, own, freed))
         most = settings.numerics.sets_at_once
         stacks = [

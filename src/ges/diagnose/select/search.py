@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -165,13 +166,11 @@ def _hypotheses_of(
     """
     share = np.array([sum([e.log_share for e in combo]) for combo in combos])
     weight = scorer.log_evidences(combos) + share
-    as_listed: dict[tuple[str, ...], list[int]] = {}
-    for i, combo in enumerate(combos):
-        as_listed.setdefault(tuple([e.name for e in combo]), []).append(i)
+    # thousands of combinations have few names
+    in_order = functools.cache(lambda names: tuple(sorted(names)))
     grouped: dict[tuple[str, ...], list[int]] = {}
-    for names, same in as_listed.items():
-        key = tuple(sorted(names))
-        grouped[key] = sorted(grouped[key] + same) if key in grouped else same
+    for i, combo in enumerate(combos):
+        grouped.setdefault(in_order(tuple([e.name for e in combo])), []).append(i)
     best = [combos[members[int(np.argmax(weight[members]))]] for members in grouped.values()]
     out = {}
     for (names, members), top, posterior in zip(
